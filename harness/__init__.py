@@ -1,0 +1,75 @@
+"""POMDP benchmark harness: evolved, heuristic and solved policies on domains defined once, in Julia.
+
+    import harness
+    domain = harness.load("rocksample-7x8")
+    table = harness.compare(domain)                                  # the baseline table, a pandas DataFrame
+    result = harness.evaluate(domain, "belief:0.84", episodes=1000)  # every return of one policy
+
+Importing this package starts no Julia and loads nothing heavy; names are imported when first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
+
+if TYPE_CHECKING:
+    from harness.batch import Batch
+    from harness.bridge import from_model
+    from harness.check import ConformanceError, check_domain
+    from harness.comparison import compare
+    from harness.domain import Domain
+    from harness.evaluation import Evaluation, Score, evaluate
+    from harness.policy import Policy
+    from harness.registry import load, names
+    from harness.show import replay
+
+__all__ = [
+    "Batch",
+    "ConformanceError",
+    "Domain",
+    "Evaluation",
+    "HarnessError",
+    "JuliaError",
+    "Policy",
+    "PolicyError",
+    "Score",
+    "SnapshotError",
+    "check_domain",
+    "compare",
+    "evaluate",
+    "from_model",
+    "load",
+    "names",
+    "replay",
+]
+
+_HOME = {
+    "Batch": "batch",
+    "ConformanceError": "check",
+    "Domain": "domain",
+    "Evaluation": "evaluation",
+    "Policy": "policy",
+    "Score": "evaluation",
+    "check_domain": "check",
+    "compare": "comparison",
+    "evaluate": "evaluation",
+    "from_model": "bridge",
+    "load": "registry",
+    "names": "registry",
+    "replay": "show",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'harness' has no attribute '{name}'")
+    value = getattr(importlib.import_module(f"harness.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

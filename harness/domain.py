@@ -1,0 +1,229 @@
+"""A domain: names, sizes, layout and tables of a POMDP that was defined in Julia.
+
+A :class:`Domain` is read from a snapshot (an archive exported by ``harness export``) or made from live Julia; either
+way it holds the same arrays, and no line of Python says how the domain behaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness import archive
+from harness.errors import HarnessError, SnapshotError, nearest
+from harness.tables import Tables, from_arrays
+
+KIND = "domain"
+
+ARRAYS: dict[str, Any] = {  # what Julia exports, and the types that the compiled code takes
+    "first_row": np.int32,
+    "factor": np.int16,
+    "terminal": np.bool_,
+    "legal": np.bool_,
+    "row_outcomes": np.int32,
+    "outcome_visible": np.int32,
+    "outcome_value": np.int16,
+    "outcome_probability": np.float64,
+    "outcome_cdf": np.float64,
+    "outcome_observation": np.int32,
+    "outcome_reward": np.float64,
+    "observation_probability": np.float64,
+    "observation_cdf": np.float64,
+    "start_visible": np.int32,
+    "start_values": np.int16,
+    "start_cdf": np.float64,
+    "start_observation": np.int32,
+    "prior_visible": np.int32,
+    "prior_marginals": np.float64,
+    "prior_factor": np.int16,
+    "prior_observation": np.int32,
+    "visible_values": np.int16,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """A POMDP as the harness sees it.
+
+    A state splits into a *visible* part, which the agent always knows, and K hidden *factors*, which are independent
+    given the visible part. ``features`` are what policies may ask of the belief: ``belief(3)`` is the probability
+    that factor 2 has a certain value.
+    """
+
+    name: str
+    version: int
+    """Rises whenever scores on the domain could change; table rows carry it."""
+    title: str
+    discount: float
+    n_states: int
+    actions: tuple[str, ...]
+    """Action names as programs spell them, in index order."""
+    observations: tuple[str, ...]
+    visible_names: tuple[str, ...]
+    """Names of the numbers in a row of :attr:`visible_values`."""
+    factors: tuple[str, ...]
+    factor_labels: tuple[tuple[str, ...], ...]
+    """Names of the values of each factor."""
+    features: tuple[tuple[str, int, int], ...]
+    """``(name, factor, value)``, 0-based."""
+    shapings: tuple[str, ...]
+    """Names of the rewards in ``arrays["outcome_reward"]``; the first, ``"none"``, is the true one."""
+    layout: Mapping[str, Any]
+    """What is needed to draw the domain."""
+    provenance: Mapping[str, Any]
+    """Where the tables come from: date, Julia and package versions, source files and their hash."""
+    arrays: Mapping[str, NDArray[Any]] = field(repr=False)
+    shaping: str = "none"
+    """Which reward is in use."""
+    live: Any = field(default=None, repr=False)
+    """The Julia model, for a domain made from live Julia; None for a named instance."""
+
+    @property
+    def n_actions(self) -> int:
+        """Number A of actions."""
+        return len(self.actions)
+
+    @property
+    def n_observations(self) -> int:
+        """Number O of observations."""
+        return len(self.observations)
+
+    @property
+    def n_visible(self) -> int:
+        """Number V of visible values, terminal ones included."""
+        return len(self.visible_values)
+
+    @property
+    def factor_sizes(self) -> tuple[int, ...]:
+        """Number of values of each hidden factor."""
+        return tuple(len(labels) for labels in self.factor_labels)
+
+    @property
+    def n_marginals(self) -> int:
+        """Number N of values of all factors together."""
+        return sum(self.factor_sizes)
+
+    @property
+    def n_joint(self) -> int:
+        """Number H of joint values of the hidden factors (256 for eight rocks)."""
+        total = 1
+        for size in self.factor_sizes:
+            total *= size
+        return total
+
+    @property
+    def visible_values(self) -> NDArray[np.int16]:
+        """(V, len(visible_names)) what a visible index stands for, for example the robot's x and y."""
+        return self.arrays["visible_values"]
+
+    @cached_property
+    def factor_offset(self) -> NDArray[np.int64]:
+        """(K + 1,) position of each factor in the concatenated marginals."""
+        return np.concatenate([[0], np.cumsum(self.factor_sizes)]).astype(np.int64)
+
+    @cached_property
+    def feature_columns(self) -> NDArray[np.int64]:
+        """(F,) columns of the marginals that the features stand for."""
+        return np.array([self.factor_offset[k] + x for _, k, x in self.features], dtype=np.int64)
+
+    @cached_property
+    def tables(self) -> Tables:
+        """The arrays in the form that compiled code takes, with the reward of :attr:`shaping`."""
+        return from_arrays(self.arrays, self.n_actions, self.factor_offset, self.shapings.index(self.shaping))
+
+    @cached_property
+    def model_hash(self) -> str:
+        """SHA-256 of all that decides the domain's behaviour; policies record the one they were solved for."""
+        record = [self.discount, self.actions, self.observations, self.factor_labels, self.features, self.shapings]
+        return archive.digest(self.arrays, record)
+
+    def action(self, name: str) -> int:
+        """Index of the action called ``name``.
+
+        Raises:
+            HarnessError: there is no such action.
+        """
+        if name not in self.actions:
+            raise HarnessError(
+                f"{self.name} has no action '{name}'{nearest(name, self.actions)} (actions: {' '.join(self.actions)})"
+            )
+        return self.actions.index(name)
+
+    def shaped(self, shaping: str) -> Domain:
+        """The same domain with another reward shaping.
+
+        Raises:
+            HarnessError: the domain does not know the shaping.
+        """
+        if shaping not in self.shapings:
+            raise HarnessError(
+                f"{self.name} has no reward shaping '{shaping}'{nearest(shaping, self.shapings)} "
+                f"(known: {', '.join(self.shapings)})"
+            )
+        return replace(self, shaping=shaping)
+
+
+def from_export(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], live: Any = None) -> Domain:
+    """A domain from what the Julia package exports: names and provenance, and the arrays of ``julia/src/tables.jl``."""
+    return Domain(
+        name=record["name"],
+        version=int(record["version"]),
+        title=record["title"],
+        discount=float(record["discount"]),
+        n_states=int(record["states"]),
+        actions=tuple(record["actions"]),
+        observations=tuple(record["observations"]),
+        visible_names=tuple(record["visible"]),
+        factors=tuple(record["factors"]),
+        factor_labels=tuple(tuple(labels) for labels in record["factor_labels"]),
+        features=tuple((str(name), int(k), int(x)) for name, k, x in record["features"]),
+        shapings=tuple(record["shapings"]),
+        layout=record["layout"],
+        provenance=record["provenance"],
+        arrays={name: np.ascontiguousarray(arrays[name], dtype=dtype) for name, dtype in ARRAYS.items()},
+        live=live,
+    )
+
+
+def to_record(domain: Domain) -> dict[str, Any]:
+    """Inverse of :func:`from_export`, as far as the record goes."""
+    return {
+        "name": domain.name,
+        "version": domain.version,
+        "title": domain.title,
+        "discount": domain.discount,
+        "states": domain.n_states,
+        "actions": domain.actions,
+        "observations": domain.observations,
+        "visible": domain.visible_names,
+        "factors": domain.factors,
+        "factor_labels": domain.factor_labels,
+        "features": domain.features,
+        "shapings": domain.shapings,
+        "layout": dict(domain.layout),
+        "provenance": dict(domain.provenance),
+    }
+
+
+def save(domain: Domain, path: Path) -> None:
+    """Write the domain as a snapshot."""
+    archive.write(path, KIND, to_record(domain), domain.arrays)
+
+
+def read(path: Path) -> Domain:
+    """Read a snapshot.
+
+    Raises:
+        SnapshotError: the file is damaged or is no snapshot.
+    """
+    record, arrays = archive.read(path, KIND)
+    try:
+        return from_export(record, arrays)
+    except KeyError as error:
+        raise SnapshotError(f"{path}: the snapshot lacks {error}; export it again") from None

@@ -1,0 +1,68 @@
+"""Engines: what steps a batch of episodes. One contract, two implementations that give the same episodes bit for bit."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness import bridge
+from harness.domain import Domain
+from harness.errors import HarnessError, nearest
+
+ENGINES = ("tables", "julia")
+
+
+class Engine(Protocol):
+    """A batch of E episodes in lockstep.
+
+    An engine has no randomness of its own: it turns the uniform numbers it is given into next states and observations,
+    by inverse CDF in index order. After its end (a terminal state) an episode keeps its last values and is paid 0;
+    nothing is ever reset inside :meth:`step`. Ending at the horizon (truncation) is the caller's business.
+
+    The public arrays below are the engine's own and are written in place by :meth:`reset` and :meth:`step`.
+    """
+
+    domain: Domain
+    visible: NDArray[np.int32]
+    """(E,) index of the visible part of the state."""
+    observation: NDArray[np.int32]
+    """(E,) index of the last observation, −1 when there is none yet."""
+    marginals: NDArray[np.float64]
+    """(E, N) belief over the hidden factors; (E, 0) when not tracked."""
+    done: NDArray[np.bool_]
+    """(E,) whether a terminal state has been reached."""
+
+    def reset(self, u: NDArray[np.float64]) -> None:
+        """Start all episodes. ``u``: (E, 2) in [0, 1), for the initial state and the first reading."""
+
+    def step(self, actions: NDArray[np.int32], u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Apply one action an episode. ``u``: (E, 2), for the next state and the observation. Returns rewards (E,)."""
+
+
+def choose(name: str, domain: Domain) -> str:
+    """The engine meant by ``auto``, ``tables`` or ``julia``.
+
+    Raises:
+        HarnessError: the name is unknown.
+        JuliaError: ``julia`` was asked for and is not set up.
+    """
+    if name == "auto":
+        return "julia" if bridge.is_set_up() else "tables"
+    if name not in ENGINES:
+        raise HarnessError(f"no engine '{name}'{nearest(name, ENGINES)} (known: auto, {', '.join(ENGINES)})")
+    if name == "julia":
+        bridge.require_set_up()
+    return name
+
+
+def make(name: str, domain: Domain, size: int, track_belief: bool) -> Engine:
+    """A new engine called ``name`` (one of :data:`ENGINES`) for ``size`` episodes."""
+    if name == "julia":
+        from harness.engine.julia import JuliaEngine
+
+        return JuliaEngine(domain, size, track_belief)
+    from harness.engine.tables import TablesEngine
+
+    return TablesEngine(domain, size, track_belief)

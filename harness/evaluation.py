@@ -1,0 +1,273 @@
+"""Policy × domain × engine × seed → returns, and the score with its uncertainty."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness import engine as engines
+from harness import policy as policies
+from harness import registry, rng
+from harness.batch import Batch, read_only
+from harness.domain import Domain
+from harness.engine import Engine
+from harness.errors import HarnessError, PolicyError
+from harness.policy import Policy
+from harness.tables import compiled
+
+HORIZON = 50
+"""Steps after which an episode is truncated (paper, Table 2)."""
+
+EPISODES = 10_000
+Z95 = 1.959963984540054
+"""Standard normal quantile of a two-sided 95 % interval."""
+
+_BATCH = 8192  # episodes a batch: large enough for the compiled loops, small enough for the cache
+_JULIA_BATCH = 32_768  # one call into Julia a step, its threads inside
+
+Progress = Callable[[int], None]
+"""Called with a number of episodes as they are finished."""
+
+
+class Score(NamedTuple):
+    """Mean return of a policy with its uncertainty, from independent episodes."""
+
+    episodes: int
+    mean: float
+    """Mean undiscounted return within the horizon."""
+    sem: float
+    """Its standard error."""
+    ci_low: float
+    ci_high: float
+    """95 % interval of the mean (normal)."""
+    discounted_mean: float
+    discounted_sem: float
+    steps_mean: float
+    """Mean number of steps until the end or the horizon."""
+    success_rate: float
+    """Share of episodes that reached a terminal state (RockSample: left; BorderCross: crossed)."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All episodes of one evaluation; every array has one entry an episode, in order."""
+
+    domain: Domain
+    policy: str
+    engine: str
+    seed: int
+    horizon: int
+    returns: NDArray[np.float64]
+    """Undiscounted."""
+    discounted: NDArray[np.float64]
+    steps: NDArray[np.int32]
+    terminated: NDArray[np.bool_]
+    """Whether a terminal state was reached within the horizon (otherwise the episode was truncated)."""
+
+    @property
+    def score(self) -> Score:
+        """Means and standard errors."""
+        mean, sem = mean_and_sem(self.returns)
+        discounted_mean, discounted_sem = mean_and_sem(self.discounted)
+        return Score(
+            len(self.returns),
+            mean,
+            sem,
+            mean - Z95 * sem,
+            mean + Z95 * sem,
+            discounted_mean,
+            discounted_sem,
+            float(self.steps.mean()),
+            float(self.terminated.mean()),
+        )
+
+
+def mean_and_sem(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Mean and its standard error (0 for a single value)."""
+    sem = float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else 0.0
+    return float(values.mean()), sem
+
+
+class StepRecord(NamedTuple):
+    """What happened in one step of a batch, for replays and for tests. Arrays have one entry an episode."""
+
+    batch: Batch
+    """After the step; before the first one for the reset."""
+    actions: NDArray[np.int32] | None
+    """None for the reset."""
+    rewards: NDArray[np.float64]
+    active: NDArray[np.bool_]
+    """Episodes that had not ended before the step."""
+
+
+def simulate(
+    domain: Domain, policy: Policy, engine: str, seed: int, first: int, count: int, horizon: int
+) -> Iterator[StepRecord]:
+    """Step episodes ``first … first + count − 1`` together; yields the reset and then every step.
+
+    ``engine`` is ``tables`` or ``julia``. The arrays of a record are overwritten by the next step.
+    """
+    stepper = engines.make(engine, domain, count, getattr(policy, "uses_belief", True))
+    batch = _view(stepper, seed, first)
+    stepper.reset(rng.uniforms(seed, rng.ENGINE, 0, first, count, 2))
+    policy.reset(batch)
+    yield StepRecord(batch, None, np.zeros(count), np.ones(count, dtype=np.bool_))
+    for step in range(1, horizon + 1):
+        active = ~stepper.done
+        if not active.any():
+            return
+        actions = _checked(policy.act(batch), batch)
+        rewards = stepper.step(actions, rng.uniforms(seed, rng.ENGINE, step, first, count, 2))
+        batch.step = step
+        yield StepRecord(batch, actions, rewards, active)
+
+
+def _view(stepper: Engine, seed: int, first: int) -> Batch:
+    arrays = (stepper.visible, stepper.observation, stepper.marginals, stepper.done)
+    return Batch(stepper.domain, *(read_only(array) for array in arrays), seed=seed, first=first)
+
+
+def _checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
+    """The policy's actions as the engine takes them."""
+    array = np.asarray(actions)
+    if array.shape != (batch.size,) or array.dtype.kind not in "iu":
+        raise PolicyError(
+            f"act() must return {batch.size} action indices (whole numbers, one an episode), "
+            f"not an array of shape {array.shape} and type {array.dtype}"
+        )
+    n = batch.domain.n_actions
+    if array.min() < 0 or array.max() >= n:
+        wrong = array[(array < 0) | (array >= n)][0]
+        raise PolicyError(f"act() returned action {wrong}; {batch.domain.name} has the actions 0 to {n - 1}")
+    return array.astype(np.int32, copy=False)
+
+
+def evaluate(
+    domain: Domain | str,
+    policy: Policy | str,
+    *,
+    episodes: int = EPISODES,
+    seed: int = 0,
+    horizon: int = HORIZON,
+    engine: str = "auto",
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Evaluation:
+    """Score a policy on a domain.
+
+    Args:
+        domain: a domain or its name.
+        policy: a policy string such as ``belief:0.84``, or any object with ``reset`` and ``act`` on batches.
+        episodes: how many; episode k of a seed is the same whatever their number.
+        seed: of the episodes.
+        horizon: steps after which an episode is truncated.
+        engine: ``tables``, ``julia`` or ``auto``.
+        workers: threads of the tables engine (default: one a core). The numbers do not depend on it.
+        progress: called with the number of episodes finished since the last call.
+
+    Raises:
+        HarnessError: an argument is wrong (the message says which and how to mend it).
+    """
+    domain = registry.load(domain) if isinstance(domain, str) else domain
+    _check_counts(episodes=episodes, horizon=horizon)
+    if seed < 0:
+        raise HarnessError(f"seed must be 0 or more, not {seed}")
+    engine = engines.choose(engine, domain)
+    spec, made = policies.make(policy, domain) if isinstance(policy, str) else (_name_of(policy), policy)
+    size = _JULIA_BATCH if engine == "julia" else getattr(made, "batch_size", _BATCH)
+    chunks = [(first, min(size, episodes - first)) for first in range(0, episodes, size)]
+
+    stop = threading.Event()
+
+    def run(chunk: tuple[int, int]) -> _Totals:
+        records = simulate(domain, copy.copy(made), engine, seed, *chunk, horizon)
+        return _totals(itertools.takewhile(lambda _: not stop.is_set(), records), chunk[1], domain.discount)
+
+    threads = 1 if engine == "julia" else min(len(chunks), workers or os.cpu_count() or 1)
+    parts = _map(run, chunks, threads, progress or (lambda finished: None), stop)
+    totals = _Totals(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return Evaluation(domain, spec, engine, seed, horizon, *totals)
+
+
+def _check_counts(**counts: int) -> None:
+    for name, value in counts.items():
+        if value < 1:
+            raise HarnessError(f"{name} must be 1 or more, not {value}")
+
+
+def _name_of(policy: Policy) -> str:
+    return str(getattr(policy, "name", type(policy).__name__))
+
+
+class _Totals(NamedTuple):
+    returns: NDArray[np.float64]
+    discounted: NDArray[np.float64]
+    steps: NDArray[np.int32]
+    terminated: NDArray[np.bool_]
+
+
+def _totals(records: Iterable[StepRecord], count: int, discount: float) -> _Totals:
+    totals = _Totals(np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.bool_))
+    weight = 1.0
+    for record in records:
+        if record.actions is not None:
+            _add(totals.returns, totals.discounted, totals.steps, record.rewards, record.active, weight)
+            weight *= discount
+        totals.terminated[:] = record.batch.done
+    return totals
+
+
+@compiled
+def _add(
+    returns: NDArray[np.float64],
+    discounted: NDArray[np.float64],
+    steps: NDArray[np.int32],
+    rewards: NDArray[np.float64],
+    active: NDArray[np.bool_],
+    weight: float,
+) -> None:
+    for e in range(len(returns)):
+        if active[e]:
+            returns[e] += rewards[e]
+            discounted[e] += weight * rewards[e]
+            steps[e] += 1
+
+
+def _map(
+    run: Callable[[tuple[int, int]], _Totals],
+    chunks: list[tuple[int, int]],
+    threads: int,
+    progress: Progress,
+    stop: threading.Event,
+) -> list[_Totals]:
+    """Results of the chunks in order. Ctrl-C sets ``stop``, which ends the chunks under way at their next step."""
+    if threads == 1:
+        results = []
+        for chunk in chunks:
+            results.append(run(chunk))
+            progress(chunk[1])
+        return results
+    pool = ThreadPoolExecutor(threads)
+    futures: dict[Future[_Totals], tuple[int, int]] = {pool.submit(run, chunk): chunk for chunk in chunks}
+    try:
+        pending = set(futures)
+        while pending:
+            finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in finished:
+                future.result()
+                progress(futures[future][1])
+    except BaseException:
+        stop.set()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return [future.result() for future in futures]

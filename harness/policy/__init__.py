@@ -1,0 +1,136 @@
+"""Policies, and the strings that name them on the command line and in tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness import registry
+from harness.domain import Domain
+from harness.errors import PolicyError, nearest
+from harness.policy.alpha import AlphaVectorPolicy, read
+from harness.policy.base import Policy
+from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
+from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
+from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
+
+__all__ = ["Policy", "default_specs", "make", "specs"]
+
+SOLVED = ("qmdp", "sarsop", "native-sarsop")
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """A way to name a policy: ``word`` or ``word:ARGUMENT``."""
+
+    word: str
+    help: str
+    make: Callable[[Domain, str], Policy]
+    argument: str = ""
+    """The default argument; empty where there is none."""
+    layout: str = ""
+    """The only layout kind it works on; empty for any."""
+
+    def suits(self, domain: Domain) -> bool:
+        return self.layout in ("", domain.layout["kind"])
+
+    @property
+    def spec(self) -> str:
+        return f"{self.word}:{self.argument}" if self.argument else self.word
+
+
+def _threshold(text: str, what: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise PolicyError(f"{what} takes a threshold between 0.5 and 1, not '{text}'") from None
+    if not 0.5 <= value <= 1:
+        raise PolicyError(f"{what} takes a threshold between 0.5 and 1; {text} is out of range")
+    return value
+
+
+def _rollout(domain: Domain, text: str) -> Policy:
+    if not text.isdecimal() or int(text) < 1:
+        raise PolicyError(f"rollout takes a number of simulations an action, 1 or more, not '{text}'")
+    return RolloutPolicy(domain, int(text))
+
+
+def _from_file(domain: Domain, text: str) -> Policy:
+    if not text:
+        raise PolicyError("alpha needs a file: alpha:FILE, as written by `harness solve`")
+    return AlphaVectorPolicy(domain, read(Path(text), domain))
+
+
+def _solved(word: str) -> Callable[[Domain, str], Policy]:
+    def build(domain: Domain, text: str) -> Policy:
+        path = registry.policy_path(domain.name, word)
+        if not path.exists():
+            raise PolicyError(
+                f"no {word} policy is stored for {domain.name}; solve it (harness solve {domain.name} {word}) "
+                f"and name the file: alpha:FILE"
+            )
+        return AlphaVectorPolicy(domain, read(path, domain))
+
+    return build
+
+
+_KINDS = (
+    _Kind("random", "uniform over all actions", lambda d, _: RandomPolicy()),
+    _Kind("random-legal", "uniform over the legal actions", lambda d, _: RandomLegalPolicy()),
+    _Kind("exit", "always right", lambda d, _: ExitPolicy(d), layout="rocksample"),
+    _Kind("rollout", "best action by N simulations of random-legal each", _rollout, str(SIMULATIONS_DEFAULT)),
+    _Kind(
+        "accuracy",
+        "paper's Algorithm 2, threshold λ",
+        lambda d, text: AccuracyPolicy(d, _threshold(text, "accuracy")),
+        f"{ACCURACY_DEFAULT}",
+        "rocksample",
+    ),
+    _Kind(
+        "belief",
+        "paper's Algorithm 3, threshold γ",
+        lambda d, text: BeliefPolicy(d, _threshold(text, "belief")),
+        f"{BELIEF_DEFAULT}",
+        "rocksample",
+    ),
+    *(_Kind(word, f"alpha vectors solved by {word} in Julia", _solved(word)) for word in SOLVED),
+    _Kind("alpha", "alpha vectors of a file written by harness solve", _from_file),
+)
+
+
+def _usable(domain: Domain) -> list[_Kind]:
+    """The kinds that can be used on a domain as they are, without a file."""
+    stored = [word for word in SOLVED if registry.policy_path(domain.name, word).exists()]
+    return [kind for kind in _KINDS if kind.suits(domain) and (kind.word in stored or kind.word not in (*SOLVED, "alpha"))]
+
+
+def specs(domain: Domain) -> dict[str, str]:
+    """Policy strings that mean something on a domain, each with what it does."""
+    return {kind.spec: kind.help for kind in _usable(domain)} | {"alpha:FILE": _KINDS[-1].help}
+
+
+def default_specs(domain: Domain) -> list[str]:
+    """The policies of the domain's baseline table."""
+    return [kind.spec for kind in _usable(domain)]
+
+
+def make(spec: str, domain: Domain) -> tuple[str, Policy]:
+    """The policy that a string names, and the string with its defaults filled in.
+
+    Raises:
+        PolicyError: the string means nothing on this domain, or its parameter is out of range.
+        SnapshotError: a policy file is damaged or belongs to another model.
+    """
+    word, colon, text = spec.partition(":")
+    kinds = {kind.word: kind for kind in _KINDS}
+    known = ", ".join(specs(domain))
+    if word not in kinds:
+        raise PolicyError(f"no policy '{spec}'{nearest(word, kinds)} (on {domain.name}: {known})")
+    kind = kinds[word]
+    if not kind.suits(domain):
+        raise PolicyError(f"policy '{word}' needs a {kind.layout} domain, {domain.name} is none (there: {known})")
+    if colon and not kind.argument and word != "alpha":
+        raise PolicyError(f"policy '{word}' takes no parameter, but '{spec}' gives one")
+    argument = text if colon else kind.argument
+    return (f"{word}:{argument}" if argument else word), kind.make(domain, argument)

@@ -1,0 +1,99 @@
+"""Alpha-vector policies, solved in Julia and stored with the package or in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness import archive
+from harness.batch import Batch
+from harness.domain import Domain
+from harness.errors import SnapshotError
+from harness.policy.base import Stateless
+
+KIND = "alpha-vectors"
+BOUND_KIND = "bound"
+
+TIE = 1e-9
+"""Values this close (relative to the larger of 1 and the best) count as equal, and the first vector wins: matrix
+products differ in their last bits between machines and batch sizes, and no decision may hang on that."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A solved policy or bound as stored: what the solver said, and its alpha vectors (none for a bound)."""
+
+    record: Mapping[str, Any]
+    arrays: Mapping[str, NDArray[Any]]
+
+
+def save(path: Path, domain: Domain, solution: Solution) -> None:
+    """Store a solution together with the model it holds for."""
+    about = {
+        "domain": domain.name,
+        "domain_version": domain.version,
+        "model_hash": domain.model_hash,
+        "provenance": dict(domain.provenance),
+    }
+    kind = KIND if solution.arrays else BOUND_KIND
+    archive.write(path, kind, {**about, **solution.record}, solution.arrays)
+
+
+def read(path: Path, domain: Domain, kind: str = KIND) -> Solution:
+    """Read a stored solution.
+
+    Raises:
+        SnapshotError: the file is damaged, or was solved for another model.
+    """
+    record, arrays = archive.read(path, kind)
+    if record["model_hash"] != domain.model_hash:
+        raise SnapshotError(
+            f"{path}: solved for another model ({record['domain']} version {record['domain_version']}, hash "
+            f"{record['model_hash'][:12]}…), not for {domain.name} version {domain.version} as it is now "
+            f"({domain.model_hash[:12]}…); solve it again (harness solve)"
+        )
+    return Solution(record, arrays)
+
+
+class AlphaVectorPolicy(Stateless):
+    """Acts by the alpha vector of the present visible value that promises most under the joint belief.
+
+    Episodes are grouped by visible value, so that each group is one matrix product.
+    """
+
+    def __init__(self, domain: Domain, solution: Solution) -> None:
+        """``solution``: as stored by ``harness solve``."""
+        visible = solution.arrays["visible"]
+        values = solution.arrays["values"].astype(np.float64)
+        self._actions = solution.arrays["actions"]
+        self._vectors = {int(v): (rows := np.flatnonzero(visible == v), values[rows].T) for v in np.unique(visible)}
+        self.record = solution.record
+
+    def act(self, batch: Batch) -> NDArray[np.int32]:
+        """The best action under each episode's belief."""
+        actions = np.zeros(batch.size, dtype=np.int32)
+        alive = ~batch.done
+        actions[alive] = self._actions[self.choose(batch)[alive]]
+        return actions
+
+    def choose(self, batch: Batch) -> NDArray[np.intp]:
+        """(E,) index of the alpha vector that each episode acts by; 0 for ended ones."""
+        chosen = np.zeros(batch.size, dtype=np.intp)
+        alive = np.flatnonzero(~batch.done)
+        order = alive[np.argsort(batch.visible[alive], kind="stable")]
+        edges = np.flatnonzero(np.diff(batch.visible[order])) + 1
+        for group in np.split(order, edges) if len(order) else []:
+            rows, vectors = self._vectors[int(batch.visible[group[0]])]
+            chosen[group] = rows[_first_best(batch.joint(group) @ vectors)]
+        return chosen
+
+
+def _first_best(values: NDArray[np.float64]) -> NDArray[np.intp]:
+    best = values.max(axis=1, keepdims=True)
+    first: NDArray[np.intp] = (values >= best - TIE * np.maximum(1.0, np.abs(best))).argmax(axis=1)
+    return first

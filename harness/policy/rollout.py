@@ -1,0 +1,153 @@
+"""The rollout policy: one-step lookahead by simulation, on the policy's own copy of the model."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.batch import Batch
+from harness.domain import Domain
+from harness.policy.base import Stateless
+from harness.tables import Records, Tables, compiled, draw_outcome, inlined, row_of
+
+SIMULATIONS_DEFAULT = 32
+
+
+class RolloutPolicy(Stateless):
+    """Takes the action with the best mean discounted return over simulations that go on with random legal actions.
+
+    Every simulation draws the hidden part from the belief, applies the action and then plays uniformly over the legal
+    actions of the simulated state, as far as the episode's horizon reaches. The n-th simulations of all actions start
+    from the same hidden part. Simulations have random numbers of their own, seeded by (seed, step, episode).
+    """
+
+    max_episodes = 1000
+    """As many episodes does a comparison give it unless told otherwise: it costs thousands of times a heuristic."""
+    batch_size = 32
+    """Episodes a batch: few, so that progress shows and Ctrl-C is heard between steps."""
+
+    def __init__(self, domain: Domain, simulations: int = SIMULATIONS_DEFAULT, horizon: int = 50) -> None:
+        """``simulations`` an action; ``horizon``: steps after which a simulation is cut, counted from now."""
+        self.simulations = simulations
+        self.horizon = horizon
+
+    def act(self, batch: Batch) -> NDArray[np.int32]:
+        """The best action by simulation, for each episode."""
+        actions = np.zeros(batch.size, dtype=np.int32)
+        seeds = (batch.uniform()[:, 0] * 2.0**53).astype(np.uint64)
+        domain = batch.domain
+        _rollout_act(
+            domain.tables, domain.discount, self.simulations, self.horizon, batch.visible, batch.marginals, batch.done,
+            seeds, actions,
+        )  # fmt: skip
+        return actions
+
+
+@inlined
+def _next(state: NDArray[np.uint64]) -> float:
+    """SplitMix64 (Steele, Lea and Flood 2014): a uniform number in [0, 1) from a one-element state."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = state[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.float64((z ^ (z >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
+
+
+@inlined
+def _draw_hidden(
+    factor_offset: NDArray[np.int64],
+    marginals: NDArray[np.float64],
+    e: int,
+    state: NDArray[np.uint64],
+    hidden: NDArray[np.int16],
+) -> None:
+    """Values of all factors from the belief of episode ``e``, into ``hidden[0]``."""
+    for k in range(len(factor_offset) - 1):
+        first = factor_offset[k]
+        u = _next(state)
+        total = 0.0
+        for x in range(factor_offset[k + 1] - first):
+            if marginals[e, first + x] > 0.0:
+                hidden[0, k] = x
+                total += marginals[e, first + x]
+                if u < total:
+                    break
+
+
+@inlined
+def _random_legal(
+    choices: Records, rows: Records, n_actions: int, v: int, values: NDArray[np.int16], state: NDArray[np.uint64]
+) -> int:
+    """Uniform over the actions that are legal in the simulated state."""
+    while True:  # rejection: nearly all actions are legal nearly everywhere, and one always is
+        a = int(_next(state) * n_actions)
+        if rows[row_of(choices, v * n_actions + a, values, 0)].legal:
+            return a
+
+
+@compiled
+def _simulate(
+    choices: Records,
+    rows: Records,
+    outcomes: Records,
+    n_actions: int,
+    discount: float,
+    horizon: int,
+    v: int,
+    a: int,
+    values: NDArray[np.int16],
+    state: NDArray[np.uint64],
+) -> float:
+    """Discounted return of ``a`` and then random legal actions; ``values`` (1, K) is overwritten."""
+    total, weight = 0.0, 1.0
+    for _ in range(horizon):
+        va = v * n_actions + a
+        i = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), _next(state))
+        k = choices[va].factor
+        if k >= 0:
+            values[0, k] = outcomes[i].value
+        total += weight * outcomes[i].reward
+        weight *= discount
+        v = outcomes[i].visible
+        if outcomes[i].ends:
+            break
+        a = _random_legal(choices, rows, n_actions, v, values, state)
+    return total
+
+
+@compiled
+def _rollout_act(
+    t: Tables,
+    discount: float,
+    simulations: int,
+    horizon: int,
+    visible: NDArray[np.int32],
+    marginals: NDArray[np.float64],
+    done: NDArray[np.bool_],
+    seeds: NDArray[np.uint64],
+    actions: NDArray[np.int32],
+) -> None:
+    choices, rows, outcomes, n_actions, factor_offset = t.choices, t.rows, t.outcomes, t.n_actions, t.factor_offset
+    n_factors = len(factor_offset) - 1
+    hidden = np.zeros((1, n_factors), dtype=np.int16)
+    values = np.zeros((1, n_factors), dtype=np.int16)
+    totals = np.zeros(n_actions)
+    state = np.zeros(1, dtype=np.uint64)
+    for e in range(len(visible)):
+        if done[e]:
+            continue
+        state[0] = seeds[e]
+        totals[:] = 0.0
+        for _ in range(simulations):
+            _draw_hidden(factor_offset, marginals, e, state, hidden)
+            for a in range(n_actions):
+                for k in range(n_factors):
+                    values[0, k] = hidden[0, k]
+                totals[a] += _simulate(
+                    choices, rows, outcomes, n_actions, discount, horizon, visible[e], a, values, state
+                )
+        best = 0
+        for a in range(1, n_actions):
+            if totals[a] > totals[best]:
+                best = a
+        actions[e] = best

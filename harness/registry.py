@@ -1,0 +1,52 @@
+"""What ships with the package: snapshots of the named domains, and the policies solved for them."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+from harness import bridge, domain
+from harness.domain import Domain
+from harness.errors import HarnessError, nearest
+
+DATA = Path(__file__).resolve().parent / "data"
+
+
+def names() -> list[str]:
+    """Names of the domains that ship with the package."""
+    return sorted(path.stem for path in (DATA / "snapshots").glob("*.npz"))
+
+
+def load(name: str | Path) -> Domain:
+    """A domain: by the name of a shipped one, from a snapshot file (``.npz``), or from a Julia file (``.jl``).
+
+    A Julia file must end in a POMDPs.jl model; it is run in Julia, which must be set up.
+
+    Raises:
+        HarnessError: there is no such domain, or the file is damaged.
+    """
+    path = Path(name)
+    if path.suffix == ".jl":
+        return bridge.from_file(path)
+    if path.suffix == ".npz":
+        return domain.read(path)
+    if name not in names():
+        raise HarnessError(
+            f"no domain '{name}'{nearest(str(name), names())} (known: {', '.join(names())}; or a .npz snapshot, or a .jl file)"
+        )
+    return _shipped(str(name))
+
+
+@functools.cache
+def _shipped(name: str) -> Domain:
+    return domain.read(snapshot_path(name))
+
+
+def snapshot_path(name: str) -> Path:
+    """Where the snapshot of a named domain lies in the package."""
+    return DATA / "snapshots" / f"{name}.npz"
+
+
+def policy_path(domain_name: str, policy: str) -> Path:
+    """Where a solved policy of a named domain lies in the package."""
+    return DATA / "policies" / domain_name / f"{policy}.npz"

@@ -1,0 +1,28 @@
+"""Uniform random numbers that belong to (seed, stream, step, episode), whatever the batch.
+
+NumPy's Philox is counter-based: its key holds the seed, the stream and the step, its counter is advanced to the
+episode. Episode k of seed s therefore sees the same numbers in any batch, order and number of workers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+ENGINE, POLICY = 0, 1
+"""Streams: the engine's (next states, observations), and the policies' own, which no policy choice can mix."""
+
+_BLOCK = 4  # Philox makes four 64-bit numbers for each value of its counter
+
+
+def uniforms(seed: int, stream: int, step: int, first: int, count: int, lanes: int) -> NDArray[np.float64]:
+    """Numbers in [0, 1) for episodes ``first … first + count − 1``, an array of shape ``(count, lanes)``.
+
+    ``step`` is 0 for the reset and t for the t-th step.
+    """
+    bits = np.random.Philox(key=[seed, (stream << 32) | step])
+    start = first * lanes
+    bits.advance(start // _BLOCK)
+    skip = start % _BLOCK
+    drawn = np.random.Generator(bits).random(skip + count * lanes)
+    return drawn[skip:].reshape(count, lanes)

@@ -1,0 +1,63 @@
+# Solved policies as alpha vectors over the hidden part, grouped by visible value: what Python evaluates.
+
+"""
+    AlphaVectors
+
+Alpha vectors of a policy: `values[i, h]` is the value of joint hidden index `h` (last factor fastest) under vector
+`i`, which holds for visible value `visible[i]` and starts with action index `actions[i]`. Sorted by visible value.
+"""
+struct AlphaVectors
+    visible::Vector{Int}
+    actions::Vector{Int}
+    values::Matrix{Float32}
+end
+
+"Alpha vectors over the hidden part from a POMDPTools policy over all states of the model."
+function AlphaVectors(m::POMDP, policy::AlphaVectorPolicy)
+    vectors = Tuple{Int,Int,Vector{Float64}}[]
+    for v in 1:nvisible(m)
+        is_terminal_value(m, v) && continue
+        columns = [stateindex(m, assemble(m, v, joint_values(m, h))) for h in 1:joint_size(m)]
+        for (alpha, a) in zip(policy.alphas, policy.action_map)
+            push!(vectors, (v, actionindex(m, a), alpha[columns]))
+        end
+    end
+    return AlphaVectors(m, vectors)
+end
+
+function AlphaVectors(m::POMDP, vectors::Vector{Tuple{Int,Int,Vector{Float64}}})
+    kept = eltype(vectors)[]
+    for v in 1:nvisible(m)
+        append!(kept, undominated([t for t in vectors if t[1] == v]))
+    end
+    values = isempty(kept) ? zeros(Float32, 0, joint_size(m)) : Float32.(stack(last.(kept); dims = 1))
+    return AlphaVectors(first.(kept), getindex.(kept, 2), values)
+end
+
+"The vectors that no other one reaches or exceeds everywhere; of equal ones the first stays."
+function undominated(vectors)
+    order = sortperm(vectors; by = t -> -sum(t[3]))
+    kept = Int[]
+    for i in order
+        any(j -> all(vectors[j][3] .>= vectors[i][3]), kept) || push!(kept, i)
+    end
+    return vectors[sort!(kept)]
+end
+
+"Value of the initial belief (before the first reading) under the alpha vectors."
+function initial_value(m::POMDP, alpha::AlphaVectors)
+    total = 0.0
+    weights = Dict{Int,Vector{Float64}}()
+    for (s, p) in weighted_iterator(initialstate(m))
+        w = get!(() -> zeros(joint_size(m)), weights, visible_index(m, s))
+        w[joint_index(m, s)] += p
+    end
+    for (v, w) in weights
+        total += maximum(alpha.values[i, :]' * w for i in eachindex(alpha.visible) if alpha.visible[i] == v)
+    end
+    return total
+end
+
+"Joint hidden index of state `s`; inverse of `joint_values`."
+joint_index(m, s) =
+    1 + foldl((h, k) -> h * factor_sizes(m)[k] + factor_value(m, s, k) - 1, eachindex(factor_sizes(m)); init = 0)

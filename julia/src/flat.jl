@@ -1,0 +1,63 @@
+# Any finite POMDPs.jl model, seen as one hidden factor: nothing is visible but whether the episode has ended.
+
+"""
+    Flat(m::POMDP)
+
+The harness's view of a model that does not describe its own structure: the whole state is one hidden
+factor, and the belief is the ordinary vector over all states. Enumerates the states once.
+"""
+struct Flat{S,A,O,M<:POMDP{S,A,O}} <: POMDP{S,A,O}
+    model::M
+    states::Vector{S}
+    actions::Vector{A}
+    observations::Vector{O}
+end
+
+Flat(m::POMDP) = Flat(m, ordered_states(m), ordered_actions(m), ordered_observations(m))
+
+POMDPs.states(f::Flat) = f.states
+POMDPs.actions(f::Flat) = f.actions
+POMDPs.actions(f::Flat{S}, s::S) where {S} = actions(f.model, s)
+POMDPs.observations(f::Flat) = f.observations
+POMDPs.stateindex(f::Flat, s) = stateindex(f.model, s)
+POMDPs.actionindex(f::Flat, a) = actionindex(f.model, a)
+POMDPs.obsindex(f::Flat, o) = obsindex(f.model, o)
+POMDPs.transition(f::Flat, s, a) = transition(f.model, s, a)
+POMDPs.observation(f::Flat, s, a, sp) = observation(f.model, s, a, sp)
+POMDPs.observation(f::Flat, a, sp) = observation(f.model, a, sp)
+POMDPs.reward(f::Flat, s, a) = reward(f.model, s, a)
+POMDPs.reward(f::Flat, s, a, sp) = reward(f.model, s, a, sp)
+POMDPs.initialstate(f::Flat) = initialstate(f.model)
+POMDPs.discount(f::Flat) = discount(f.model)
+POMDPs.isterminal(f::Flat, s) = isterminal(f.model, s)
+
+first_reading(f::Flat, s) = first_reading(f.model, s)
+
+nvisible(::Flat) = 2
+visible_index(f::Flat, s) = isterminal(f, s) ? 2 : 1
+visible_names(::Flat) = ["ended"]
+visible_values(::Flat, v) = [v - 1]
+factor_sizes(f::Flat) = (length(f.states),)
+factor_names(::Flat) = ["state"]
+factor_labels(f::Flat, k) = [string(s) for s in f.states]
+factor_value(f::Flat, s, k) = stateindex(f, s)
+relevant_factor(::Flat, v, a) = 1
+relevant_factor(::Flat, v) = 1
+assemble(f::Flat, v, values) = f.states[values[1]]
+belief_features(f::Flat) = [("belief($i)", 1, i) for i in eachindex(f.states)]
+action_at(f::Flat, i) = f.actions[i]
+observation_at(f::Flat, i) = f.observations[i]
+
+"""
+    harnessed(m::POMDP)
+
+`m` itself when it describes its structure to the harness (`nvisible` and friends), else `Flat(m)`.
+"""
+harnessed(m::POMDP) = applicable(nvisible, m) ? m : Flat(m)
+
+"""
+    first_reading(m, s)
+
+Distribution of the observation made before the first step, or `nothing` for a model without `initialobs`.
+"""
+first_reading(m::POMDP, s) = applicable(initialobs, m, s) ? initialobs(m, s) : nothing

@@ -1,0 +1,32 @@
+# Two models that know nothing of the harness.
+
+"Tiger (Kaelbling, Littman and Cassandra 1998): the tiger is left (true) or right; listening is right with 0.85."
+struct Tiger <: POMDP{Bool,Symbol,Bool} end
+POMDPs.states(::Tiger) = (true, false)
+POMDPs.stateindex(::Tiger, s::Bool) = s ? 1 : 2
+POMDPs.actions(::Tiger) = (:listen, :left, :right)
+POMDPs.actionindex(::Tiger, a::Symbol) = findfirst(==(a), (:listen, :left, :right))
+POMDPs.observations(::Tiger) = (true, false)
+POMDPs.obsindex(::Tiger, o::Bool) = o ? 1 : 2
+POMDPs.discount(::Tiger) = 0.95
+POMDPs.initialstate(::Tiger) = BoolDistribution(0.5)
+POMDPs.transition(::Tiger, s::Bool, a::Symbol) = BoolDistribution(a == :listen ? Float64(s) : 0.5)
+POMDPs.observation(::Tiger, a::Symbol, sp::Bool) = BoolDistribution(a != :listen ? 0.5 : sp ? 0.85 : 0.15)
+POMDPs.reward(::Tiger, s::Bool, a::Symbol) = a == :listen ? -1.0 : (a == :left) == s ? -100.0 : 10.0
+
+"A random walk whose next state comes in a support that is not in index order, and which ends at random."
+struct Drift <: POMDP{Int,Symbol,Bool} end
+POMDPs.states(::Drift) = 1:4
+POMDPs.stateindex(::Drift, s::Int) = s
+POMDPs.actions(::Drift) = (:go, :stay)
+POMDPs.actionindex(::Drift, a::Symbol) = a == :go ? 1 : 2
+POMDPs.observations(::Drift) = (false, true)
+POMDPs.obsindex(::Drift, o::Bool) = o + 1
+POMDPs.discount(::Drift) = 0.9
+POMDPs.isterminal(::Drift, s::Int) = s == 4
+POMDPs.initialstate(::Drift) = SparseCat([2, 1], [0.7, 0.3])
+POMDPs.transition(::Drift, s::Int, a::Symbol) =
+    a == :go && s < 4 ? SparseCat([s + 1, s], [0.6, 0.4]) : SparseCat([s, s], [1.0, 0.0])
+POMDPs.observation(::Drift, a::Symbol, sp::Int) = BoolDistribution(sp / 4)
+POMDPs.reward(::Drift, s::Int, a::Symbol, sp::Int) = Float64(sp - s)
+POMDPs.reward(::Drift, s::Int, a::Symbol) = a == :go && s < 4 ? 0.6 : 0.0

@@ -1,0 +1,166 @@
+"""The command line: exit statuses, one clear sentence for every misuse, output for people and programs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from harness.cli import main
+
+NO_JULIA = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON_JULIACALL")}
+
+
+def run(*arguments, env=NO_JULIA):
+    command = [sys.executable, "-m", "harness", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, env=env, check=False)
+
+
+def misuse(capsys, *arguments):
+    """The one line on standard error of a command that must end with status 2."""
+    try:
+        status = main([str(a) for a in arguments])
+    except SystemExit as error:  # argparse
+        status = error.code
+    captured = capsys.readouterr()
+    assert status == 2
+    assert captured.out == ""
+    assert captured.err.startswith("harness: ")
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["compare", "rocksampl-7x8"], "did you mean 'rocksample-7x8'"),
+        (["compare", "rocksample-7x8", "--policy", "sarsp"], "did you mean 'sarsop'"),
+        (["compare", "rocksample-7x8", "--policy", "belief:2"], "out of range"),
+        (["compare", "rocksample-7x8", "--episodes", "0"], "'0' is not a whole number, 1 or more"),
+        (["compare", "rocksample-7x8", "--episodes", "many"], "'many' is not a whole number"),
+        (["compare", "rocksample-7x8", "--seed", "-1"], "'-1' is not a whole number"),
+        (["compare", "rocksample-7x8", "--engine", "table"], "did you mean 'tables'"),
+        (["compare", "rocksample-7x8", "--format", "xml"], "invalid choice: 'xml'"),
+        (["compare", "rocksample-7x8", "--policy", "exit", "--episodes", "3", "--engine", "tables", "--out", "/no/file"],
+         "cannot write /no/file"),
+        (["compare", "none.npz"], "none.npz: no such file"),
+        (["show", "rocksample-7x8", "sarsp"], "did you mean"),
+        (["comparre", "rocksample-7x8"], "invalid choice"),
+        ([], "required"),
+        (["solve", "rocksample-7x8", "qmdp", "--timeout", "3"], "timeout is a limit of sarsop and native-sarsop"),
+    ],
+)  # fmt: skip
+def test_misuse_gets_one_sentence_and_status_2(capsys, arguments, words):
+    assert words in misuse(capsys, *arguments)
+
+
+def test_a_truncated_snapshot_is_one_sentence(capsys, tmp_path):
+    path = tmp_path / "half.npz"
+    path.write_bytes(b"PK\x03\x04 and then nothing")
+    assert "not a readable domain file" in misuse(capsys, "compare", path)
+
+
+@pytest.mark.parametrize("arguments", [["compare", "rocksample-7x8", "--engine", "julia"], ["export"], ["julia", "test"]])
+def test_julia_without_julia_is_one_sentence(arguments):
+    result = run(*arguments)
+    assert result.returncode == 2
+    assert "Julia is not set up" in result.stderr
+    assert "harness julia" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_half_a_set_up_says_what_is_missing():
+    result = run("julia", env={**NO_JULIA, "PYTHON_JULIACALL_EXE": sys.executable})
+    assert result.returncode == 1
+    assert "set PYTHON_JULIACALL_PROJECT too" in result.stdout
+    result = run("julia", env={**NO_JULIA, "PYTHON_JULIACALL_EXE": sys.executable, "PYTHON_JULIACALL_PROJECT": "/"})
+    assert "does not have PomdpHarness" in result.stdout
+    assert "--engine auto means 'tables'" in result.stdout
+
+
+def test_compare_prints_the_table(capsys):
+    assert main(["compare", "rocksample-7x8", "--policy", "exit", "--episodes", "5", "--engine", "tables"]) == 0
+    out = capsys.readouterr().out
+    assert "rocksample-7x8 (version 1), horizon 50, engine tables, seed 0" in out
+    assert "10.00 ± 0.00" in out
+
+
+def test_compare_writes_json(tmp_path):
+    path = tmp_path / "rows.json"
+    arguments = ["--policy", "exit", "--episodes", "5", "--engine", "tables", "--format", "json", "--out", str(path)]
+    assert main(["compare", "rocksample-7x8", *arguments]) == 0
+    (row,) = json.loads(path.read_text())
+    assert row["policy"] == "exit"
+    assert row["mean"] == 10
+    assert row["engine"] == "tables"
+    assert row["domain_version"] == 1
+
+
+def test_domains_and_policies_are_listed(capsys):
+    assert main(["domains"]) == 0
+    out = capsys.readouterr().out
+    for name, size in (("rocksample-7x8", "12,545"), ("rocksample-15x15", "7,372,801"), ("bordercross-7x8", "1,765")):
+        line = next(line for line in out.splitlines() if line.startswith(f"{name} "))
+        assert size in line
+        assert "POMDPs.jl" in line
+    assert main(["policies", "bordercross-7x8"]) == 0
+    out = capsys.readouterr().out
+    assert "sarsop" in out
+    assert "belief" not in out
+
+
+def test_show_replays_the_episode_that_compare_scores(capsys, rocksample):
+    from harness.evaluation import evaluate
+
+    returns = evaluate(rocksample, "belief:0.84", episodes=6, seed=4, engine="tables").returns
+    for episode, value in enumerate(returns):
+        assert main(["show", "rocksample-7x8", "belief", "--seed", "4", "--episode", str(episode), "--engine", "tables"]) == 0
+        out = capsys.readouterr().out
+        assert f"return {value:g}, discounted" in out.splitlines()[-2]
+    assert "check(3), reading " in out
+    assert "rock 3 0." in out
+
+
+@pytest.mark.parametrize("domain", ["bordercross-7x8", "bordercross-7x8-random"])
+def test_show_draws_bordercross(capsys, domain):
+    assert main(["show", domain, "sarsop", "--engine", "tables"]) == 0
+    out = capsys.readouterr().out
+    assert "cooperate()" in out
+    assert "return 500" in out
+    assert out.count("X >") >= 7
+
+
+def test_check_domain_passes(capsys):
+    assert main(["check-domain", "bordercross-7x8-random", "--engine", "tables"]) == 0
+    assert "all checks passed" in capsys.readouterr().out
+
+
+def test_ctrl_c_stops_between_steps():
+    """A long comparison in a process of its own, interrupted for real."""
+    command = [sys.executable, "-u", "-m", "harness", "compare", "rocksample-7x8", "--policy", "rollout:2000", "--policy", "exit"]
+    command += ["--episodes", "100000", "--engine", "tables"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=NO_JULIA) as process:
+        time.sleep(4)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted" in err
+    assert "Traceback" not in err
+
+
+def test_a_reader_that_stops_reading_is_no_error():
+    command = f"{sys.executable} -m harness show rocksample-7x8 random --engine tables | head -n 2"
+    result = subprocess.run(command, shell=True, capture_output=True, text=True, env=NO_JULIA, check=False)
+    assert result.stderr == ""
+
+
+def test_importing_harness_loads_nothing_heavy():
+    heavy = "{'juliacall', 'juliapkg', 'numba', 'pandas', 'tqdm', 'tabulate'}"
+    script = f"import sys, harness; print({heavy} & set(sys.modules))"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "set()"
