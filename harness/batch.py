@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from harness import rng
 from harness.domain import Domain
 from harness.tables import Tables, compiled, is_legal
+
+_T = TypeVar("_T", bound=np.generic)
 
 
 @dataclass
@@ -62,15 +64,16 @@ class Batch:
         _legal(self.domain.tables, self.visible, self.marginals, self.done, mask)
         return mask
 
-    def uniform(self, lanes: int = 1) -> NDArray[np.float64]:
-        """(E, lanes) random numbers in [0, 1) for the policy's own choices at this step.
+    def uniform(self, stream: int = 0) -> NDArray[np.float64]:
+        """(E,) random numbers in [0, 1) for the policy's own choices at this step.
 
-        They depend on the seed, the step and the episode only, and are independent of the engine's.
+        They depend on the seed, the step and the episode only, and are independent of the engine's. A policy that
+        needs several numbers a step asks for ``stream`` 0, 1, 2, …
         """
-        return rng.uniforms(self.seed, rng.POLICY, self.step, self.first, self.size, lanes)
+        return rng.uniforms(self.seed, rng.POLICY + stream, self.step, self.first, self.size)
 
 
-def read_only(array: NDArray[Any]) -> NDArray[Any]:
+def read_only(array: NDArray[_T]) -> NDArray[_T]:
     """A view of the array that cannot be written through."""
     view = array.view()
     view.flags.writeable = False

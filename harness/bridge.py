@@ -84,7 +84,9 @@ def _check_juliapkg() -> list[Check]:
     from juliapkg.deps import can_skip_resolve, load_meta
 
     if not can_skip_resolve():
-        return [Check("Julia and its packages", False, "not resolved yet: harness julia setup (downloads Julia ≥ 1.10)")]
+        return [
+            Check("Julia and its packages", False, "not resolved yet: harness julia setup (downloads Julia ≥ 1.10)")
+        ]
     meta = load_meta()
     return [Check("Julia and its packages", True, f"Julia {meta['version']}, {meta['executable']}")]
 
@@ -103,7 +105,9 @@ def require_set_up() -> None:
     """
     missing = [check for check in status() if not check.ok]
     if missing:
-        raise JuliaError(f"Julia is not set up for the harness ({missing[0].name}: {missing[0].text}); see `harness julia`")
+        raise JuliaError(
+            f"Julia is not set up for the harness ({missing[0].name}: {missing[0].text}); see `harness julia`"
+        )
 
 
 def setup() -> int:
@@ -310,7 +314,7 @@ def solve(
 
 
 def simulator(domain: Domain, buffers: Mapping[str, NDArray[Any]]) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Functions that reset and step a batch of episodes in Julia, in place in ``buffers`` (see Julia's ``Simulator``)."""
+    """Functions that reset and step a batch of episodes in Julia, in place (see ``Simulator`` in julia/src)."""
     jl = julia()
     names = tuple(buffers)
     named_tuple = jl.seval("(names, arrays...) -> NamedTuple{Tuple(Symbol.(names))}(arrays)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -52,7 +53,11 @@ def _check_tables(d: Domain) -> Iterator[str]:
     rows, outcomes = len(t.legal), len(t.outcome_visible)
     if not 0 < d.discount <= 1:
         yield f"the discount {d.discount} is not in (0, 1]"
-    for what, names in (("action", d.actions), ("observation", d.observations), ("feature", [f[0] for f in d.features])):
+    for what, names in (
+        ("action", d.actions),
+        ("observation", d.observations),
+        ("feature", [f[0] for f in d.features]),
+    ):
         if len(set(names)) != len(names):
             yield f"two {what}s share a name"
     if len(t.first_row) != d.n_visible * d.n_actions or len(t.terminal) != d.n_visible:
@@ -136,7 +141,9 @@ def _check_engine(d: Domain, engine: str, episodes: int, seed: int) -> Iterator[
     yield from _check_course(d, engine, episodes, seed, tracking)
 
 
-def _episodes(d: Domain, policy: RandomPolicy, engine: str, seed: int, first: int, count: int) -> list[NDArray[np.float64]]:
+def _episodes(
+    d: Domain, policy: RandomPolicy, engine: str, seed: int, first: int, count: int
+) -> list[NDArray[np.float64]]:
     """Visible values, observations, rewards and done flags, each (steps + 1, count)."""
     records = [
         (r.batch.visible.copy(), r.batch.observation.copy(), r.rewards.copy(), r.batch.done.copy())
@@ -182,8 +189,13 @@ def _check_course(d: Domain, engine: str, episodes: int, seed: int, policy: Rand
 
 
 def _copy(batch: Batch) -> Batch:
-    arrays = (batch.visible, batch.observation, batch.marginals, batch.done)
-    return Batch(batch.domain, *(array.copy() for array in arrays), seed=batch.seed, first=batch.first)
+    return replace(
+        batch,
+        visible=batch.visible.copy(),
+        observation=batch.observation.copy(),
+        marginals=batch.marginals.copy(),
+        done=batch.done.copy(),
+    )
 
 
 def _check_belief(d: Domain, batch: Batch) -> Iterator[str]:
@@ -205,5 +217,7 @@ def _predicted(d: Domain, batch: Batch, actions: NDArray[np.int32], alive: NDArr
             if weight > 0:
                 row = t.first_row[va] + x
                 for j in range(t.row_outcomes[row], t.row_outcomes[row + 1]):
-                    predicted[i] += weight * t.outcome_probability[j] * t.observation_probability[t.outcome_observation[j]]
+                    predicted[i] += (
+                        weight * t.outcome_probability[j] * t.observation_probability[t.outcome_observation[j]]
+                    )
     return predicted

@@ -23,7 +23,6 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(2)
 
 
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit status: 0, 1 when a check failed, 2 for a misuse, 130 after Ctrl-C."""
     options = _parser().parse_args(arguments)
@@ -75,9 +74,7 @@ def _parser() -> argparse.ArgumentParser:
     check.set_defaults(run=_check_domain)
 
     julia = commands.add_parser("julia", help="say what of Julia is set up; set it up; test it")
-    julia.add_argument(
-        "task", nargs="?", choices=("status", "setup", "test"), default="status", help="default: status"
-    )
+    julia.add_argument("task", nargs="?", choices=("status", "setup", "test"), default="status", help="default: status")
     julia.set_defaults(run=_julia)
 
     export = commands.add_parser("export", help="export domains from Julia as snapshots")
@@ -89,7 +86,9 @@ def _parser() -> argparse.ArgumentParser:
     _domain_argument(solve)
     solve.add_argument("solver", metavar="SOLVER", choices=SOLVERS, help=", ".join(SOLVERS))
     solve.add_argument("--timeout", type=float, metavar="S", help="seconds of sarsop or native-sarsop (default 600)")
-    solve.add_argument("--precision", type=float, metavar="P", help="stop when the bounds are this close (default 0.001)")
+    solve.add_argument(
+        "--precision", type=float, metavar="P", help="stop when the bounds are this close (default 0.001)"
+    )
     solve.add_argument(
         "--keep-used", type=_positive, metavar="N", help="keep only the vectors that N simulated episodes act by"
     )
@@ -104,7 +103,9 @@ def _domain_argument(parser: argparse.ArgumentParser) -> None:
 
 def _episode_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=_natural, default=0, metavar="N", help="default 0")
-    parser.add_argument("--horizon", type=_positive, default=50, metavar="N", help="steps an episode lasts (default 50)")
+    parser.add_argument(
+        "--horizon", type=_positive, default=50, metavar="N", help="steps an episode lasts (default 50)"
+    )
     parser.add_argument("--engine", default="auto", help="auto, tables or julia (default auto)")
 
 

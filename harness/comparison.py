@@ -73,7 +73,9 @@ def compare(
             rows.append(_bound_row(domain, horizon))
             continue
         count = episodes or min(EPISODES, getattr(policy, "max_episodes", EPISODES))
-        with tqdm(total=count, desc=name, unit="episode", delay=2, leave=False, disable=None if progress else True) as bar:
+        with tqdm(
+            total=count, desc=name, unit="episode", delay=2, leave=False, disable=None if progress else True
+        ) as bar:
             result = evaluate(
                 domain,
                 policy,
@@ -155,7 +157,13 @@ def render(table: pd.DataFrame, style: str) -> str:
         }
     )
     form = "github" if style == "markdown" else "simple"
-    text = tabulate(shown.values.tolist(), headers=list(shown), tablefmt=form, colalign=("left", *["right"] * 6), disable_numparse=True)
+    text = tabulate(
+        shown.values.tolist(),
+        headers=[str(name) for name in shown],
+        tablefmt=form,
+        colalign=("left", *["right"] * 6),
+        disable_numparse=True,
+    )
     return f"{_heading(table)}\n\n{text}\n\n{_footnote(table)}\n"
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 class HarnessError(ValueError):
-    """Something in what the user gave (a name, a file, an option) is wrong; the message says what and how to mend it."""
+    """Something that the user gave (a name, a file, an option) is wrong; the message says what, and how to mend it."""
 
 
 class SnapshotError(HarnessError):

@@ -31,10 +31,10 @@ EPISODES = 10_000
 Z95 = 1.959963984540054
 """Standard normal quantile of a two-sided 95 % interval."""
 
-_BATCH = 8192  # episodes a batch: large enough for the compiled loops, small enough for the cache
-_JULIA_BATCH = 32_768  # one call into Julia a step, its threads inside
+_BATCH = 32_768  # episodes a batch: threads meet at the interpreter lock once a step, so not too few
+_JULIA_BATCH = 131_072  # one call into Julia a step, its threads inside
 
-Progress = Callable[[int], None]
+Progress = Callable[[int], object]
 """Called with a number of episodes as they are finished."""
 
 
@@ -118,7 +118,7 @@ def simulate(
     """
     stepper = engines.make(engine, domain, count, getattr(policy, "uses_belief", True))
     batch = _view(stepper, seed, first)
-    stepper.reset(rng.uniforms(seed, rng.ENGINE, 0, first, count, 2))
+    stepper.reset(rng.uniforms(seed, rng.ENGINE, 0, first, count))
     policy.reset(batch)
     yield StepRecord(batch, None, np.zeros(count), np.ones(count, dtype=np.bool_))
     for step in range(1, horizon + 1):
@@ -126,14 +126,21 @@ def simulate(
         if not active.any():
             return
         actions = _checked(policy.act(batch), batch)
-        rewards = stepper.step(actions, rng.uniforms(seed, rng.ENGINE, step, first, count, 2))
+        rewards = stepper.step(actions, rng.uniforms(seed, rng.ENGINE, step, first, count))
         batch.step = step
         yield StepRecord(batch, actions, rewards, active)
 
 
 def _view(stepper: Engine, seed: int, first: int) -> Batch:
-    arrays = (stepper.visible, stepper.observation, stepper.marginals, stepper.done)
-    return Batch(stepper.domain, *(read_only(array) for array in arrays), seed=seed, first=first)
+    return Batch(
+        stepper.domain,
+        read_only(stepper.visible),
+        read_only(stepper.observation),
+        read_only(stepper.marginals),
+        read_only(stepper.done),
+        seed=seed,
+        first=first,
+    )
 
 
 def _checked(actions: Any, batch: Batch) -> NDArray[np.int32]:

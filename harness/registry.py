@@ -32,7 +32,8 @@ def load(name: str | Path) -> Domain:
         return domain.read(path)
     if name not in names():
         raise HarnessError(
-            f"no domain '{name}'{nearest(str(name), names())} (known: {', '.join(names())}; or a .npz snapshot, or a .jl file)"
+            f"no domain '{name}'{nearest(str(name), names())} "
+            f"(known: {', '.join(names())}; or a .npz snapshot, or a .jl file)"
         )
     return _shipped(str(name))
 

@@ -15,14 +15,12 @@ ENGINE, POLICY = 0, 1
 _BLOCK = 4  # Philox makes four 64-bit numbers for each value of its counter
 
 
-def uniforms(seed: int, stream: int, step: int, first: int, count: int, lanes: int) -> NDArray[np.float64]:
-    """Numbers in [0, 1) for episodes ``first … first + count − 1``, an array of shape ``(count, lanes)``.
+def uniforms(seed: int, stream: int, step: int, first: int, count: int) -> NDArray[np.float64]:
+    """Numbers in [0, 1) for episodes ``first … first + count − 1``, an array of shape ``(count,)``.
 
     ``step`` is 0 for the reset and t for the t-th step.
     """
     bits = np.random.Philox(key=[seed, (stream << 32) | step])
-    start = first * lanes
-    bits.advance(start // _BLOCK)
-    skip = start % _BLOCK
-    drawn = np.random.Generator(bits).random(skip + count * lanes)
-    return drawn[skip:].reshape(count, lanes)
+    bits.advance(first // _BLOCK)
+    skip = first % _BLOCK
+    return np.random.Generator(bits).random(skip + count)[skip:]

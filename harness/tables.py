@@ -24,13 +24,13 @@ Records = NDArray[Any]
 def compiled(function: _F) -> _F:
     """Numba, without the GIL, cached on disk. No fast-math: results must be the same everywhere, bit for bit."""
     jitted: Any = numba.njit(nogil=True, cache=True)(function)
-    return jitted  # type: ignore[no-any-return]
+    return jitted
 
 
 def inlined(function: _F) -> _F:
     """The same for the small verbs that compiled loops call once an episode."""
     jitted: Any = numba.njit(nogil=True, cache=True, forceinline=True)(function)
-    return jitted  # type: ignore[no-any-return]
+    return jitted
 
 
 CHOICE = np.dtype([("first_row", np.int32), ("factor", np.int16)], align=True)
@@ -87,7 +87,7 @@ class Tables(NamedTuple):
 def from_arrays(
     arrays: Mapping[str, NDArray[Any]], n_actions: int, factor_offset: NDArray[np.int64], shaping: int
 ) -> Tables:
-    """The exported arrays (``julia/src/tables.jl``) in the form that compiled code takes, with the reward of a shaping."""
+    """The exported arrays (``julia/src/tables.jl``) as compiled code takes them, with the reward of a shaping."""
     choices = np.zeros(len(arrays["first_row"]), CHOICE)
     choices["first_row"], choices["factor"] = arrays["first_row"], arrays["factor"]
     rows = np.zeros(len(arrays["legal"]), ROW)
@@ -128,12 +128,17 @@ def row_of(choices: Records, va: int, values: NDArray[np.int16], e: int) -> int:
 
 
 @inlined
-def draw_outcome(rows: Records, outcomes: Records, row: int, u: float) -> int:
-    """Outcome of a row at the uniform number ``u``: inverse CDF, the last one if rounding leaves none."""
+def draw_outcome(rows: Records, outcomes: Records, row: int, u: float) -> tuple[int, float]:
+    """Outcome of a row at the uniform number ``u`` (inverse CDF; the last one if rounding leaves none), and what is
+    left of ``u``: its place within the outcome's share, uniform again and independent of the outcome."""
     i, last = rows[row].first, rows[row].last - 1
+    if i == last:
+        return i, u
+    below = 0.0
     while i < last and u >= outcomes[i].cdf:
+        below = outcomes[i].cdf
         i += 1
-    return i
+    return i, (u - below) / outcomes[i].probability
 
 
 @inlined
@@ -151,8 +156,8 @@ def draw_reading(cdf: NDArray[np.float64], q: int, u: float) -> int:
 
 
 @inlined
-def draw_start(cdf: NDArray[np.float64], u: float) -> int:
-    """Entry of the initial distribution at the uniform number ``u``."""
+def draw_start(cdf: NDArray[np.float64], u: float) -> tuple[int, float]:
+    """Entry of the initial distribution at the uniform number ``u``, and what is left of ``u``."""
     low, high = 0, len(cdf) - 1
     while low < high:
         middle = (low + high) // 2
@@ -160,7 +165,8 @@ def draw_start(cdf: NDArray[np.float64], u: float) -> int:
             high = middle
         else:
             low = middle + 1
-    return low
+    below = 0.0 if low == 0 else cdf[low - 1]
+    return low, (u - below) / (cdf[low] - below)
 
 
 @inlined
@@ -196,7 +202,7 @@ def update_belief(
 ) -> None:
     """Bayes' rule in place after choice ``va`` led episode ``e`` to visible value ``vp`` and observation ``o``.
 
-    ``marginals[e]`` (N,) is the belief over the hidden factors, ``posterior`` scratch space of the longest factor's length.
+    ``marginals[e]`` (N,) is the belief over the hidden factors, ``posterior`` scratch space as long as a factor.
     """
     k = choices[va].factor
     if k < 0:
@@ -220,7 +226,7 @@ def update_belief(
 def is_legal(
     choices: Records, rows: Records, factor_offset: NDArray[np.int64], va: int, marginals: NDArray[np.float64], e: int
 ) -> bool:
-    """Whether choice ``va`` costs no illegal-move penalty in any state that the belief ``marginals[e]`` holds possible."""
+    """Whether choice ``va`` costs no illegal-move penalty in any state that the belief holds possible."""
     row = choices[va].first_row
     k = choices[va].factor
     if row < 0:

@@ -1,6 +1,7 @@
 """Slow, plain Python versions of domains and heuristics, written from the rules and independent of the package.
 
-They take the same uniform numbers as the engines, by the rule of the engine contract: inverse CDF in index order.
+They take the same uniform numbers as the engines, by the rule of the engine contract: inverse CDF in index order, the
+state first, then the observation from what is left of the number.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class RockSample:
 
     def __init__(self, u):
         # 256 equally likely configurations; the first rock is the most significant bit of their index.
-        configuration = min(int(u[0] * 256), 255)
+        configuration = min(int(u * 256), 255)
         self.good = [bool(configuration >> (7 - i) & 1) for i in range(8)]
         self.cell = (1, 4)
         self.done = False
@@ -55,7 +56,7 @@ class RockSample:
         rock = int(rest[:-1]) - 1
         right = accuracy(self.cell, ROCKS[rock])
         good = right if self.good[rock] else 1 - right  # P(reading "good"); "good" comes before "bad" in index order
-        self.reading = "good" if u[1] < good else "bad"
+        self.reading = "good" if u < good else "bad"
         return 0.0
 
 
@@ -67,10 +68,11 @@ class BorderCross:
     def __init__(self, u, hidden=False):
         starts = [(row, column) for row in range(1, 8) for column in range(1, 4)] if hidden else [(7, 3)]
         cumulative = list(itertools.accumulate([1 / len(starts)] * len(starts)))
-        i = next((i for i, c in enumerate(cumulative) if u[0] < c), len(starts) - 1)
+        i = next((i for i, c in enumerate(cumulative) if u < c), len(starts) - 1)
+        below = cumulative[i - 1] if i else 0.0
         self.robots = {1: (4, 1), 2: starts[i]}
         self.done = False
-        self.reading = self.read(u[1])
+        self.reading = self.read((u - below) / (cumulative[i] - below))
 
     def read(self, u):
         return next((k for k, c in enumerate(itertools.accumulate(self.readings())) if u < c), 9)
@@ -96,7 +98,7 @@ class BorderCross:
                 self.robots[robot] = (row, column)
             else:
                 reward = -100.0
-        self.reading = self.read(u[1])
+        self.reading = self.read(u)
         return reward
 
 
@@ -110,14 +112,14 @@ def reading_probabilities(d):
         return math.erf(x / (sigma * math.sqrt(2))) if sigma else 1.0
 
     edges = [below(k - 0.5 - d) for k in range(10)] + [1.0]
-    return [b - a for a, b in zip(edges, edges[1:], strict=False)]
+    return [b - a for a, b in itertools.pairwise(edges)]
 
 
 class BruteForceBelief:
     """P(rock i is good) by Bayes' rule over all 256 configurations, none of them thought independent."""
 
     def __init__(self):
-        self.weights = {bits: 1 / 256 for bits in itertools.product((False, True), repeat=8)}
+        self.weights = dict.fromkeys(itertools.product((False, True), repeat=8), 1 / 256)
 
     def update(self, cell, name, reading):
         if name == "sample()" and cell in ROCKS:

@@ -73,7 +73,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
 
 def test_a_policy_of_another_model_is_refused(rocksample, bordercross):
     path = registry.policy_path("rocksample-7x8", "qmdp")
-    with pytest.raises(harness.SnapshotError, match="solved for another model \\(rocksample-7x8 version 1"):
+    with pytest.raises(harness.SnapshotError, match=r"solved for another model \(rocksample-7x8 version 1"):
         alpha.read(path, bordercross)
     arrays = {**rocksample.arrays, "outcome_reward": rocksample.arrays["outcome_reward"] + 1}
     with pytest.raises(harness.SnapshotError, match="solve it again"):
@@ -126,7 +126,7 @@ def test_the_conformance_check_sees_an_engine_that_cheats(rocksample, monkeypatc
         return rewards
 
     monkeypatch.setattr(TablesEngine, "step", swapped)
-    with pytest.raises(harness.ConformanceError, match="as often as|impossible"):
+    with pytest.raises(harness.ConformanceError, match=r"as often as|impossible"):
         harness.check_domain(rocksample, engine="tables", episodes=2000)
 
 

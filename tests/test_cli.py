@@ -46,7 +46,7 @@ def misuse(capsys, *arguments):
         (["compare", "rocksample-7x8", "--seed", "-1"], "'-1' is not a whole number"),
         (["compare", "rocksample-7x8", "--engine", "table"], "did you mean 'tables'"),
         (["compare", "rocksample-7x8", "--format", "xml"], "invalid choice: 'xml'"),
-        (["compare", "rocksample-7x8", "--policy", "exit", "--episodes", "3", "--engine", "tables", "--out", "/no/file"],
+        (["compare", "rocksample-7x8", "--policy", "exit", "--episodes", "3", "--engine=tables", "--out", "/no/file"],
          "cannot write /no/file"),
         (["compare", "none.npz"], "none.npz: no such file"),
         (["show", "rocksample-7x8", "sarsp"], "did you mean"),
@@ -65,7 +65,9 @@ def test_a_truncated_snapshot_is_one_sentence(capsys, tmp_path):
     assert "not a readable domain file" in misuse(capsys, "compare", path)
 
 
-@pytest.mark.parametrize("arguments", [["compare", "rocksample-7x8", "--engine", "julia"], ["export"], ["julia", "test"]])
+@pytest.mark.parametrize(
+    "arguments", [["compare", "rocksample-7x8", "--engine", "julia"], ["export"], ["julia", "test"]]
+)
 def test_julia_without_julia_is_one_sentence(arguments):
     result = run(*arguments)
     assert result.returncode == 2
@@ -119,7 +121,10 @@ def test_show_replays_the_episode_that_compare_scores(capsys, rocksample):
 
     returns = evaluate(rocksample, "belief:0.84", episodes=6, seed=4, engine="tables").returns
     for episode, value in enumerate(returns):
-        assert main(["show", "rocksample-7x8", "belief", "--seed", "4", "--episode", str(episode), "--engine", "tables"]) == 0
+        assert (
+            main(["show", "rocksample-7x8", "belief", "--seed", "4", "--episode", str(episode), "--engine", "tables"])
+            == 0
+        )
         out = capsys.readouterr().out
         assert f"return {value:g}, discounted" in out.splitlines()[-2]
     assert "check(3), reading " in out
@@ -142,12 +147,23 @@ def test_check_domain_passes(capsys):
 
 def test_ctrl_c_stops_between_steps():
     """A long comparison in a process of its own, interrupted for real."""
-    command = [sys.executable, "-u", "-m", "harness", "compare", "rocksample-7x8", "--policy", "rollout:2000", "--policy", "exit"]
+    command = [
+        sys.executable,
+        "-u",
+        "-m",
+        "harness",
+        "compare",
+        "rocksample-7x8",
+        "--policy",
+        "rollout:2000",
+        "--policy",
+        "exit",
+    ]
     command += ["--episodes", "100000", "--engine", "tables"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=NO_JULIA) as process:
         time.sleep(4)
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "interrupted" in err
     assert "Traceback" not in err

@@ -12,10 +12,10 @@ import pytest
 import harness
 from harness import comparison
 
-REQUIRED = (
-    "domain policy engine episodes seed mean sem ci_low ci_high discounted_mean discounted_sem steps_mean success_rate "
-    "reference"
-).split()
+REQUIRED = [
+    *("domain", "policy", "engine", "episodes", "seed", "mean", "sem", "ci_low", "ci_high"),
+    *("discounted_mean", "discounted_sem", "steps_mean", "success_rate", "reference"),
+]
 
 
 @pytest.fixture(scope="module")

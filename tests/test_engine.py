@@ -21,11 +21,11 @@ class Tracking(RandomPolicy):
 
 def play(domain, seed, make):
     """Random episodes on the engine and on a slow reference side by side; yields what there is to compare."""
-    slow = [make(u) for u in rng.uniforms(seed, rng.ENGINE, 0, 0, EPISODES, 2)]
+    slow = [make(u) for u in rng.uniforms(seed, rng.ENGINE, 0, 0, EPISODES)]
     for record in simulate(domain, Tracking(), "tables", seed, 0, EPISODES, 50):
         rewards = np.zeros(EPISODES)
         if record.actions is not None:
-            u = rng.uniforms(seed, rng.ENGINE, record.batch.step, 0, EPISODES, 2)
+            u = rng.uniforms(seed, rng.ENGINE, record.batch.step, 0, EPISODES)
             rewards = np.array(
                 [s.step(domain.actions[a], u_e) for s, a, u_e in zip(slow, record.actions, u, strict=True)]
             )
@@ -79,14 +79,14 @@ def test_stepping_past_the_end_changes_nothing(rocksample):
     from harness.engine.tables import TablesEngine
 
     engine = TablesEngine(rocksample, 4, True)
-    engine.reset(rng.uniforms(0, rng.ENGINE, 0, 0, 4, 2))
+    engine.reset(rng.uniforms(0, rng.ENGINE, 0, 0, 4))
     right = np.ones(4, dtype=np.int32)
     for step in range(1, 8):
-        engine.step(right, rng.uniforms(0, rng.ENGINE, step, 0, 4, 2))
+        engine.step(right, rng.uniforms(0, rng.ENGINE, step, 0, 4))
     assert engine.done.all()
     before = [a.copy() for a in (engine.visible, engine.observation, engine.marginals)]
     for action in range(rocksample.n_actions):
-        assert not engine.step(right * action, rng.uniforms(0, rng.ENGINE, 9, 0, 4, 2)).any()
+        assert not engine.step(right * action, rng.uniforms(0, rng.ENGINE, 9, 0, 4)).any()
     assert all(
         np.array_equal(a, b)
         for a, b in zip(before, (engine.visible, engine.observation, engine.marginals), strict=True)
@@ -126,13 +126,13 @@ def test_a_policys_random_numbers_are_not_the_engines(rocksample):
 
     class Curious(RandomPolicy):
         def act(self, batch):
-            seen.append((batch.step, batch.uniform(2).copy()))
+            seen.append((batch.step, np.stack([batch.uniform(0), batch.uniform(1)])))
             return super().act(batch)
 
     list(simulate(rocksample, Curious(), "tables", 0, 0, 50, 10))
     for step, numbers in seen:
         for other in range(12):
-            engines = rng.uniforms(0, rng.ENGINE, other, 0, 50, 2)
+            engines = rng.uniforms(0, rng.ENGINE, other, 0, 50)
             assert not np.isin(numbers, engines).any(), step
     # Drawing more or less of them does not change an episode.
     greedy = evaluate(rocksample, Curious(), episodes=50, engine="tables")

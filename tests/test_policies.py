@@ -19,14 +19,14 @@ def play_slowly(make, seed, episodes):
     """Undiscounted returns of a slow heuristic in the slow domain, with beliefs by eq. 1 and 2."""
     returns = np.zeros(episodes)
     for e in range(episodes):
-        world = reference.RockSample(rng.uniforms(seed, rng.ENGINE, 0, e, 1, 2)[0])
+        world = reference.RockSample(rng.uniforms(seed, rng.ENGINE, 0, e, 1)[0])
         heuristic, beliefs = make(), [0.5] * 8
         for step in range(1, HORIZON + 1):
             if world.done:
                 break
             action = heuristic.act(world.cell, world.reading, beliefs)
             cell = world.cell
-            returns[e] += world.step(action, rng.uniforms(seed, rng.ENGINE, step, e, 1, 2)[0])
+            returns[e] += world.step(action, rng.uniforms(seed, rng.ENGINE, step, e, 1)[0])
             if action.startswith("check"):
                 i = int(action[6:-1]) - 1
                 right = reference.accuracy(cell, reference.ROCKS[i])

@@ -1,4 +1,4 @@
-"""Engines: what steps a batch of episodes. One contract, two implementations that give the same episodes bit for bit."""
+"""Engines step batches of episodes. One contract, two implementations that give the same episodes bit for bit."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ ENGINES = ("tables", "julia")
 class Engine(Protocol):
     """A batch of E episodes in lockstep.
 
-    An engine has no randomness of its own: it turns the uniform numbers it is given into next states and observations,
-    by inverse CDF in index order. After its end (a terminal state) an episode keeps its last values and is paid 0;
-    nothing is ever reset inside :meth:`step`. Ending at the horizon (truncation) is the caller's business.
+    An engine has no randomness of its own: it turns one uniform number an episode and step into a next state and an
+    observation. The state is the inverse CDF at u over the next states in index order; what is left of u, its place
+    within that state's share, is uniform again and gives the observation in the same way.
 
-    The public arrays below are the engine's own and are written in place by :meth:`reset` and :meth:`step`.
+    After its end (a terminal state) an episode keeps its last values and is paid 0; nothing is ever reset inside
+    :meth:`step`. Ending at the horizon (truncation) is the caller's business.
+
+    The public arrays below, and the rewards returned, are the engine's own and are overwritten by every :meth:`step`.
     """
 
     domain: Domain
@@ -35,10 +38,10 @@ class Engine(Protocol):
     """(E,) whether a terminal state has been reached."""
 
     def reset(self, u: NDArray[np.float64]) -> None:
-        """Start all episodes. ``u``: (E, 2) in [0, 1), for the initial state and the first reading."""
+        """Start all episodes. ``u``: (E,) in [0, 1), for the initial states and the first readings."""
 
     def step(self, actions: NDArray[np.int32], u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Apply one action an episode. ``u``: (E, 2), for the next state and the observation. Returns rewards (E,)."""
+        """Apply one action an episode; rewards (E,). ``u``: (E,) in [0, 1), for next states and observations."""
 
 
 def choose(name: str, domain: Domain) -> str:

@@ -19,7 +19,7 @@ class JuliaEngine:
         self.observation = np.zeros(size, dtype=np.int32)
         self.marginals = np.zeros((size, domain.n_marginals if track_belief else 0))
         self.done = np.zeros(size, dtype=np.bool_)
-        self._u = np.zeros((size, 2))
+        self._u = np.zeros(size)
         self._actions = np.zeros(size, dtype=np.int32)
         self._rewards = np.zeros(size)
         self._reset, self._step = bridge.simulator(
@@ -45,4 +45,4 @@ class JuliaEngine:
         self._u[:] = u
         self._actions[:] = actions
         self._step()
-        return self._rewards.copy()
+        return self._rewards

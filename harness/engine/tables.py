@@ -34,7 +34,14 @@ class TablesEngine:
     def reset(self, u: NDArray[np.float64]) -> None:
         """Start all episodes."""
         _reset(
-            self.domain.tables, u, self.visible, self._values, self.observation, self.done, self.marginals, self._scratch
+            self.domain.tables,
+            u,
+            self.visible,
+            self._values,
+            self.observation,
+            self.done,
+            self.marginals,
+            self._scratch,
         )
 
     def step(self, actions: NDArray[np.int32], u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -66,14 +73,19 @@ def _reset(
     marginals: NDArray[np.float64],
     scratch: NDArray[np.float64],
 ) -> None:
-    start_cdf, start_visible, start_values, start_reading = t.start_cdf, t.start_visible, t.start_values, t.start_reading
+    start_cdf, start_visible, start_values, start_reading = (
+        t.start_cdf,
+        t.start_visible,
+        t.start_values,
+        t.start_reading,
+    )
     reading_cdf, terminal = t.reading_cdf, t.terminal
     for e in range(len(visible)):
-        i = draw_start(start_cdf, u[e, 0])
+        i, left = draw_start(start_cdf, u[e])
         visible[e] = start_visible[i]
         for k in range(values.shape[1]):
             values[e, k] = start_values[i, k]
-        observation[e] = draw_reading(reading_cdf, start_reading[i], u[e, 1])
+        observation[e] = draw_reading(reading_cdf, start_reading[i], left)
         done[e] = terminal[visible[e]]
     if marginals.shape[1] > 0:
         _start_beliefs(t, visible, observation, marginals, scratch)
@@ -127,8 +139,8 @@ def _step(
         if done[e]:
             continue
         va = visible[e] * n_actions + actions[e]
-        i = draw_outcome(rows, outcomes, row_of(choices, va, values, e), u[e, 0])
-        o = draw_reading(reading_cdf, outcomes[i].reading, u[e, 1])
+        i, left = draw_outcome(rows, outcomes, row_of(choices, va, values, e), u[e])
+        o = draw_reading(reading_cdf, outcomes[i].reading, left)
         k = choices[va].factor
         if k >= 0:
             values[e, k] = outcomes[i].value

@@ -102,7 +102,9 @@ _KINDS = (
 def _usable(domain: Domain) -> list[_Kind]:
     """The kinds that can be used on a domain as they are, without a file."""
     stored = [word for word in SOLVED if registry.policy_path(domain.name, word).exists()]
-    return [kind for kind in _KINDS if kind.suits(domain) and (kind.word in stored or kind.word not in (*SOLVED, "alpha"))]
+    return [
+        kind for kind in _KINDS if kind.suits(domain) and (kind.word in stored or kind.word not in (*SOLVED, "alpha"))
+    ]
 
 
 def specs(domain: Domain) -> dict[str, str]:

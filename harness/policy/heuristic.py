@@ -35,11 +35,16 @@ def _map_of(domain: Domain) -> _Map:
     cells = domain.visible_values
     distance = np.linalg.norm(cells[:, None, :].astype(float) - rocks[None, :, :], axis=2)
     return _Map(
-        cells,
-        rocks,
-        0.5 + 0.5 * 2.0 ** (-distance / domain.layout["half_efficiency_distance"]),
-        *(domain.action(name) for name in ("up()", "right()", "down()", "left()", "sample()", "check(1)")),
-        domain.observations.index("good"),
+        cells=cells,
+        rocks=rocks,
+        accuracy=0.5 + 0.5 * 2.0 ** (-distance / domain.layout["half_efficiency_distance"]),
+        up=domain.action("up()"),
+        right=domain.action("right()"),
+        down=domain.action("down()"),
+        left=domain.action("left()"),
+        sample=domain.action("sample()"),
+        check=domain.action("check(1)"),
+        good=domain.observations.index("good"),
     )
 
 
@@ -92,7 +97,9 @@ class BeliefPolicy:
         """One action an episode."""
         actions = np.zeros(batch.size, dtype=np.int32)
         columns = batch.domain.feature_columns
-        _belief_act(self._map, self.threshold, columns, batch.visible, batch.marginals, batch.done, self._sampled, actions)
+        _belief_act(
+            self._map, self.threshold, columns, batch.visible, batch.marginals, batch.done, self._sampled, actions
+        )
         return actions
 
 
@@ -138,9 +145,9 @@ def _accuracy_act(
         v = visible[e]
         nearest = -1
         for i in range(len(m.rocks)):
-            if rocks[e, i] != _DISMISSED and m.accuracy[v, i] > threshold:
-                if nearest < 0 or _distance(m, v, i) < _distance(m, v, nearest):
-                    nearest = i
+            candidate = rocks[e, i] != _DISMISSED and m.accuracy[v, i] > threshold
+            if candidate and (nearest < 0 or _distance(m, v, i) < _distance(m, v, nearest)):
+                nearest = i
         if nearest < 0:
             actions[e] = m.right
         elif rocks[e, nearest] == _OPEN:
@@ -169,9 +176,9 @@ def _belief_act(
         v = visible[e]
         nearest = -1
         for i in range(len(m.rocks)):
-            if not sampled[e, i] and marginals[e, columns[i]] >= 1.0 - threshold:
-                if nearest < 0 or _distance(m, v, i) < _distance(m, v, nearest):
-                    nearest = i
+            candidate = not sampled[e, i] and marginals[e, columns[i]] >= 1.0 - threshold
+            if candidate and (nearest < 0 or _distance(m, v, i) < _distance(m, v, nearest)):
+                nearest = i
         if nearest < 0:
             actions[e] = m.right
         elif marginals[e, columns[nearest]] > threshold:

@@ -34,7 +34,7 @@ class RolloutPolicy(Stateless):
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """The best action by simulation, for each episode."""
         actions = np.zeros(batch.size, dtype=np.int32)
-        seeds = (batch.uniform()[:, 0] * 2.0**53).astype(np.uint64)
+        seeds = (batch.uniform() * 2.0**53).astype(np.uint64)
         domain = batch.domain
         _rollout_act(
             domain.tables, domain.discount, self.simulations, self.horizon, batch.visible, batch.marginals, batch.done,
@@ -102,7 +102,7 @@ def _simulate(
     total, weight = 0.0, 1.0
     for _ in range(horizon):
         va = v * n_actions + a
-        i = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), _next(state))
+        i, _ = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), _next(state))
         k = choices[va].factor
         if k >= 0:
             values[0, k] = outcomes[i].value

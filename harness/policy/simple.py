@@ -17,7 +17,7 @@ class RandomPolicy(Stateless):
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """Draw one action an episode."""
-        return (batch.uniform()[:, 0] * batch.domain.n_actions).astype(np.int32)
+        return (batch.uniform() * batch.domain.n_actions).astype(np.int32)
 
 
 class RandomLegalPolicy(Stateless):
@@ -31,7 +31,7 @@ class RandomLegalPolicy(Stateless):
         """Draw one legal action an episode."""
         legal = batch.legal()
         count = legal.sum(axis=1)
-        pick = np.minimum((batch.uniform()[:, 0] * count).astype(np.int64), np.maximum(count - 1, 0))
+        pick = np.minimum((batch.uniform() * count).astype(np.int64), np.maximum(count - 1, 0))
         chosen: NDArray[np.int32] = (legal.cumsum(axis=1) > pick[:, None]).argmax(axis=1).astype(np.int32)
         return chosen
 

@@ -3,34 +3,35 @@
 """
     draw(d, u, index)
 
-The value of distribution `d` at the uniform number `u`: inverse CDF over its support in the order of `index`.
+The value of distribution `d` at the uniform number `u`: inverse CDF over its support in the order of `index`. And what
+is left of `u`: its place within the value's share, uniform again and independent of the value.
 """
-draw(d::Deterministic, u, index::F) where {F} = d.val
+draw(d::Deterministic, u, index::F) where {F} = d.val, u
 function draw(d, u, index::F) where {F}
     chosen = first(support(d))
-    total, previous, found = 0.0, 0, false
+    total, below, share, previous, found = 0.0, 0.0, 1.0, 0, false
     for (value, p) in weighted_iterator(d)
         p > 0 || continue
         i = index(value)
         i > previous || return draw_sorted(d, u, index)
         previous = i
         found && continue
-        chosen = value
+        chosen, below, share = value, total, p
         total += p
         found = u < total
     end
-    return chosen
+    return chosen, (u - below) / share
 end
 
 "The same for a support that does not come in index order; allocates."
 function draw_sorted(d, u, index::F) where {F}
-    total = 0.0
     outcomes = sorted_outcomes(d, index)
-    for (value, p) in outcomes
-        total += p
-        u < total && return value
+    below, i = 0.0, 1
+    while i < length(outcomes) && u >= below + outcomes[i].second
+        below += outcomes[i].second
+        i += 1
     end
-    return last(outcomes).first
+    return outcomes[i].first, (u - below) / outcomes[i].second
 end
 
 "Outcomes `value => probability` of `d` in index order, equal values added up, none of probability zero."
@@ -55,7 +56,7 @@ to Python; [`reset!`](@ref) and [`step!`](@ref) read and write them in place:
 
 | name | size | meaning |
 |:--|:--|:--|
-| `u` | E × 2 | read: uniform numbers for the state and for the observation |
+| `u` | E | read: uniform numbers, one gives next state and observation |
 | `actions` | E | read: 0-based action indices |
 | `rewards` | E | reward of the last step, 0 for an episode that had ended |
 | `visible` | E | 0-based visible index |
@@ -74,6 +75,8 @@ struct Simulator{M,S,B<:NamedTuple,V<:AbstractVector{S}}
 end
 
 function Simulator(m::POMDP{S}, buffers::NamedTuple) where {S}
+    all(b -> size(b, 1) == length(buffers.actions), buffers) && size(buffers.marginals, 2) in (0, nmarginals(m)) ||
+        throw(DimensionMismatch("the buffers of a simulator need one row an episode: $(map(size, buffers))"))
     d = initialstate(m)
     outcomes = sorted_outcomes(d, s -> stateindex(m, s))
     starts = first.(outcomes)
@@ -99,7 +102,7 @@ end
 
 function run_range(body::F, sim, range, scratch) where {F}
     for e in range
-        body(sim, e, scratch)
+        @inbounds body(sim, e, scratch)
     end
 end
 
@@ -112,8 +115,10 @@ reset!(sim::Simulator) = foreach_episode(reset_episode!, sim)
 
 function reset_episode!(sim, e, scratch)
     m, b = sim.model, sim.buffers
-    i = searchsortedlast(sim.start_cdf, b.u[e, 1]) + 1
-    s = sim.starts[min(i, length(sim.starts))]
+    i = min(searchsortedlast(sim.start_cdf, b.u[e]) + 1, length(sim.starts))
+    below = i == 1 ? 0.0 : sim.start_cdf[i - 1]
+    left = (b.u[e] - below) / (sim.start_cdf[i] - below)
+    s = sim.starts[i]
     v = visible_index(m, s)
     sim.states[e] = s
     b.visible[e] = v - 1
@@ -131,7 +136,7 @@ function reset_episode!(sim, e, scratch)
         b.observation[e] = -1
         return nothing
     end
-    o = draw(d, b.u[e, 2], o -> obsindex(m, o))
+    o, _ = draw(d, left, o -> obsindex(m, o))
     b.observation[e] = obsindex(m, o) - 1
     k = relevant_factor(m, v)
     if track && k > 0
@@ -154,14 +159,14 @@ Advances every episode that has not ended by its action in `buffers.actions`.
 """
 step!(sim::Simulator) = foreach_episode(step_episode!, sim)
 
-function step_episode!(sim, e, scratch)
+Base.@propagate_inbounds function step_episode!(sim, e, scratch)
     m, b = sim.model, sim.buffers
     b.rewards[e] = 0.0
     b.done[e] && return nothing
     s = sim.states[e]
     a = action_at(m, Int(b.actions[e]) + 1)
-    sp = draw(transition(m, s, a), b.u[e, 1], x -> stateindex(m, x))
-    o = draw(observation(m, s, a, sp), b.u[e, 2], o -> obsindex(m, o))
+    sp, left = draw(transition(m, s, a), b.u[e], x -> stateindex(m, x))
+    o, _ = draw(observation(m, s, a, sp), left, o -> obsindex(m, o))
     v, vp = Int(b.visible[e]) + 1, visible_index(m, sp)
     b.rewards[e] = reward(m, s, a, sp)
     b.observation[e] = obsindex(m, o) - 1

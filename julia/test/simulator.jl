@@ -1,18 +1,22 @@
 "Buffers of a simulator, as Python makes them."
 function buffers(m, E; track = true)
     return (
-        u = zeros(E, 2), actions = zeros(Int32, E), rewards = zeros(E), visible = zeros(Int32, E),
+        u = zeros(E), actions = zeros(Int32, E), rewards = zeros(E), visible = zeros(Int32, E),
         observation = zeros(Int32, E), done = zeros(Bool, E), marginals = zeros(E, track ? H.nmarginals(m) : 0),
     )
 end
 
 @testset "draw: inverse CDF in index order" begin
     d = SparseCat([3, 1, 2], [0.5, 0.2, 0.3])       # not in index order
-    @test [H.draw(d, u, identity) for u in (0.0, 0.19, 0.2, 0.49, 0.5, 0.999999, 1.0)] == [1, 1, 2, 2, 3, 3, 3]
+    @test [first(H.draw(d, u, identity)) for u in (0.0, 0.19, 0.2, 0.49, 0.5, 0.999999, 1.0)] == [1, 1, 2, 2, 3, 3, 3]
     d = SparseCat((:a, :b, :c), (0.25, 0.0, 0.75))
     index(x) = findfirst(==(x), (:a, :b, :c))
-    @test [H.draw(d, u, index) for u in (0.0, 0.2499, 0.25, 0.99)] == [:a, :a, :c, :c]
-    @test H.draw(Deterministic(7), 0.3, identity) == 7
+    @test [first(H.draw(d, u, index)) for u in (0.0, 0.2499, 0.25, 0.99)] == [:a, :a, :c, :c]
+    @test H.draw(Deterministic(7), 0.3, identity) == (7, 0.3)
+    # What is left of u is its place within the value's share.
+    @test H.draw(SparseCat([1, 2], [0.25, 0.75]), 0.125, identity) == (1, 0.5)
+    @test H.draw(SparseCat([1, 2], [0.25, 0.75]), 0.625, identity) == (2, 0.5)
+    @test H.draw(SparseCat([2, 1], [0.75, 0.25]), 0.625, identity) == (2, 0.5)
     @test H.sorted_outcomes(SparseCat([2, 1, 2], [0.2, 0.5, 0.3]), identity) == [1 => 0.5, 2 => 0.5]
 end
 
@@ -79,6 +83,11 @@ end
         b.actions .= rand(rng, 0:(length(actions(m)) - 1), 2000)
         H.step!(sim)
     end) < 60      # an enumeration of 7.4 million states a step would take minutes
+end
+
+@testset "buffers of the wrong size are refused" begin
+    @test_throws DimensionMismatch H.Simulator(SMALL_ROCKS, merge(buffers(SMALL_ROCKS, 4), (; u = zeros(3))))
+    @test_throws DimensionMismatch H.Simulator(SMALL_ROCKS, merge(buffers(SMALL_ROCKS, 4), (; marginals = zeros(4, 2))))
 end
 
 @testset "no allocation an episode and step" begin
