@@ -11,10 +11,10 @@ import functools
 import importlib.metadata
 import importlib.util
 import os
+import re
 import shutil
 import signal
 import subprocess
-import sys
 import threading
 import warnings
 from collections.abc import Callable, Mapping
@@ -73,10 +73,16 @@ def _check_own_julia(own: Mapping[str, str | None]) -> list[Check]:
     if shutil.which(exe) is None:
         return [Check("your own Julia", False, f"{_EXE} names no program: {exe}")]
     checks = [Check("your own Julia", True, f"{exe} (from {_EXE})")]
-    manifests = sorted(project.glob("*Manifest*.toml"))
-    if not any("PomdpHarness" in manifest.read_text() for manifest in manifests):
+    manifest = "".join(path.read_text() for path in sorted(project.glob("*Manifest*.toml")))
+    if "PomdpHarness" not in manifest:
         mend = f"""julia --project={project} -e 'using Pkg; Pkg.develop(path="{package_folder()}")'"""
         return [*checks, Check("project", False, f"{project} (from {_PROJECT}) does not have PomdpHarness: {mend}")]
+    found = re.search(r'^\[\[deps\.PythonCall\]\](?:\n(?!\[\[).*)*?\nversion = "(.*?)"', manifest, re.MULTILINE)
+    installed = importlib.metadata.version("juliacall")
+    if found is None or found[1] != installed:
+        text = f"{project} has PythonCall {found[1] if found else 'not at all'}, juliacall is {installed}: "
+        mend = f"they must be of one version: pip install juliacall=={found[1]}" if found else "add PythonCall to it"
+        return [*checks, Check("project", False, text + mend)]
     return [*checks, Check("project", True, f"{project} (from {_PROJECT})")]
 
 
@@ -110,12 +116,24 @@ def require_set_up() -> None:
         )
 
 
-def setup() -> int:
-    """Resolve Julia and its packages (downloads), with their own output on the terminal; the exit status."""
-    script = "import logging, juliapkg; logging.basicConfig(level=logging.INFO); juliapkg.resolve()"
-    status = subprocess.run([sys.executable, "-c", script], check=False).returncode
+def setup() -> None:
+    """Resolve Julia and its packages (downloads), with their own progress on the terminal.
+
+    Raises:
+        JuliaError: it did not work; the message says why.
+    """
+    if os.environ.get(_EXE) or os.environ.get(_PROJECT):
+        require_set_up()
+        return
+    import juliapkg
+
+    try:
+        juliapkg.resolve()
+    except subprocess.CalledProcessError as error:
+        raise JuliaError("Julia could not be set up: a Julia command failed, as it says above") from error
+    except Exception as error:  # juliapkg raises bare exceptions of many kinds
+        raise JuliaError(f"Julia could not be set up: {_first_line(error)}; see `harness julia`") from error
     is_set_up.cache_clear()
-    return status
 
 
 def run_tests() -> int:
@@ -136,9 +154,18 @@ def run_tests() -> int:
     return subprocess.run([exe, f"--project={project}", "--threads=auto", *script], check=False).returncode
 
 
-@functools.cache
 def julia() -> Any:
     """The module ``PomdpHarness`` of a running Julia, which is started at the first call.
+
+    Raises:
+        JuliaError: Julia is not set up, or does not start.
+    """
+    return _started().PomdpHarness
+
+
+@functools.cache
+def _started() -> Any:
+    """A Julia module that has imported PomdpHarness and PythonCall.
 
     Raises:
         JuliaError: Julia is not set up, or does not start.
@@ -154,11 +181,11 @@ def julia() -> Any:
         import juliacall
 
         jl = juliacall.newmodule("HarnessBridge")
-        jl.seval("using PomdpHarness")
+        jl.seval("import PomdpHarness, PythonCall")
     except Exception as error:
         raise JuliaError(f"Julia did not start: {_first_line(error)}; see `harness julia`") from error
     _keep_ctrl_c(handler)
-    return jl.PomdpHarness
+    return jl
 
 
 def _keep_ctrl_c(handler: Any) -> None:
@@ -286,23 +313,26 @@ def exported_array(value: Any) -> NDArray[Any]:
 
 
 def solve(
-    domain: Domain, solver: str, options: Mapping[str, Any], progress: Callable[[float, float, float], None]
+    domain: Domain, solver: str, options: Mapping[str, Any], progress: Callable[[float, float, float], bool]
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Solve a domain in Julia: what to record, and the alpha vectors (``visible``, ``actions`` 0-based, ``values``).
 
-    ``progress(seconds, lower, upper)`` is called now and then by a solver that reports its bounds.
+    ``progress(seconds, lower, upper)`` is called now and then by a solver that reports its bounds; when it returns
+    False, the solver stops and what it has so far is the result.
 
     Raises:
         JuliaError: the solver failed.
     """
     jl = julia()
     made = model(domain)
+    options = dict(options)
     if solver == "mdp":
         bound = call(jl.mdp_bound, made, **options)
         record = {name: getattr(bound, name) for name in ("discounted", "undiscounted", "horizon", "tolerance")}
         return {"solver": "value iteration (DiscreteValueIteration.jl)", **record}, {}
     if solver == "sarsop":
-        options = {**options, "progress": progress}
+        as_bool = _started().seval("f -> (numbers...) -> PythonCall.pyconvert(Bool, f(numbers...))")
+        options["progress"] = as_bool(progress)
     function = {"qmdp": jl.solve_qmdp, "sarsop": jl.solve_sarsop, "native-sarsop": jl.solve_native_sarsop}[solver]
     alpha, record = call(function, made, **options)
     arrays = {

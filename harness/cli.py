@@ -7,9 +7,12 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FORMATS = ("table", "markdown", "csv", "json")
 SOLVERS = ("qmdp", "sarsop", "native-sarsop", "mdp")
@@ -127,20 +130,28 @@ def _positive(text: str) -> int:
 def _compare(options: argparse.Namespace) -> None:
     from harness import comparison
 
-    table = comparison.compare(
-        options.domain,
-        options.policy,
-        episodes=options.episodes,
-        seed=options.seed,
-        horizon=options.horizon,
-        engine=options.engine,
-        progress=True,
-    )
-    text = comparison.render(table, options.format)
-    if options.out is None:
-        print(text, end="")
-    else:
-        _write(options.out, text)
+    def write(table: pd.DataFrame) -> None:
+        text = comparison.render(table, options.format)
+        if options.out is None:
+            print(text, end="")
+        else:
+            _write(options.out, text)
+
+    try:
+        table = comparison.compare(
+            options.domain,
+            options.policy,
+            episodes=options.episodes,
+            seed=options.seed,
+            horizon=options.horizon,
+            engine=options.engine,
+            progress=True,
+        )
+    except comparison.Interrupted as stop:
+        if len(stop.table):
+            write(stop.table)
+        raise
+    write(table)
 
 
 def _write(path: Path, text: str) -> None:
@@ -204,7 +215,7 @@ def _julia(options: argparse.Namespace) -> int:
     from harness import bridge
 
     if options.task == "setup":
-        return bridge.setup()
+        bridge.setup()
     if options.task == "test":
         return bridge.run_tests()
     checks = bridge.status()
@@ -237,5 +248,7 @@ def _solve(options: argparse.Namespace) -> None:
     record, vectors = solution.record, len(solution.arrays.get("actions", []))
     found = ", ".join(f"{k} {v:.6g}" for k, v in record.items() if isinstance(v, float))
     print(f"{path}: {found}" + (f", {vectors} alpha vectors" if vectors else ""))
+    if "stopped" in record:
+        print(f"stopped early {record['stopped']}: these are the bounds reached by then")
     if vectors:
         print(f"score it: harness compare {options.domain} --policy alpha:{path}")

@@ -11,7 +11,7 @@ from tabulate import tabulate
 from tqdm.auto import tqdm
 
 from harness import engine as engines
-from harness import policy as policies
+from harness import policy as specs
 from harness import published, registry
 from harness.domain import Domain
 from harness.evaluation import EPISODES, HORIZON, Evaluation, Score, evaluate
@@ -36,7 +36,7 @@ BOUND = "mdp"
 
 def compare(
     domain: Domain | str,
-    policies_: Sequence[str | Policy] | None = None,
+    policies: Sequence[str | Policy] | None = None,
     *,
     episodes: int | None = None,
     seed: int = 0,
@@ -49,7 +49,7 @@ def compare(
 
     Args:
         domain: a domain or its name.
-        policies_: policy strings or policy objects; by default all that the domain knows, with the bound ``mdp``.
+        policies: policy strings or policy objects; by default all that the domain knows, with the bound ``mdp``.
         episodes: of every policy; by default 10,000, and 1,000 for policies that plan by simulation (``rollout``).
         seed: all policies meet the same initial states and the same random numbers.
         horizon: steps after which an episode is truncated.
@@ -62,37 +62,53 @@ def compare(
 
     Raises:
         HarnessError: something in the arguments is wrong; nothing is run before all of them have been checked.
+        Interrupted: Ctrl-C was pressed; its ``table`` holds the rows finished by then.
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
     engine = engines.choose(engine, domain)
-    chosen = list(policies_) if policies_ is not None else [*policies.default_specs(domain), *_bounds(domain)]
+    chosen = list(policies) if policies is not None else [*specs.default_specs(domain), *_bounds(domain)]
     made = [(p, None) if p == BOUND else _made(p, domain) for p in chosen]
-    rows = []
-    for name, policy in made:
-        if policy is None:
-            rows.append(_bound_row(domain, horizon))
-            continue
-        count = episodes or min(EPISODES, getattr(policy, "max_episodes", EPISODES))
-        with tqdm(
-            total=count, desc=name, unit="episode", delay=2, leave=False, disable=None if progress else True
-        ) as bar:
-            result = evaluate(
-                domain,
-                policy,
-                episodes=count,
-                seed=seed,
-                horizon=horizon,
-                engine=engine,
-                workers=workers,
-                progress=bar.update,
-            )
-        rows.append(_row(result, name))
+    rows: list[dict[str, Any]] = []
+    try:
+        for name, policy in made:
+            if policy is None:
+                rows.append(_bound_row(domain, horizon))
+                continue
+            count = episodes or min(EPISODES, getattr(policy, "max_episodes", EPISODES))
+            hide = None if progress else True  # None: show it on a terminal only
+            with tqdm(total=count, desc=name, unit="episode", delay=2, leave=False, disable=hide) as bar:
+                result = evaluate(
+                    domain,
+                    policy,
+                    episodes=count,
+                    seed=seed,
+                    horizon=horizon,
+                    engine=engine,
+                    workers=workers,
+                    progress=bar.update,
+                )
+            rows.append(_row(result, name))
+    except KeyboardInterrupt:
+        raise Interrupted(_table(rows)) from None
+    return _table(rows)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a comparison; :attr:`table` holds the rows finished by then."""
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        """``table``: as :func:`compare` would return it."""
+        super().__init__()
+        self.table = table
+
+
+def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def _made(policy: str | Policy, domain: Domain) -> tuple[str, Policy]:
     if isinstance(policy, str):
-        return policies.make(policy, domain)
+        return specs.make(policy, domain)
     return str(getattr(policy, "name", type(policy).__name__)), policy
 
 

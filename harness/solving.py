@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -29,6 +32,8 @@ def solve(domain: Domain, solver: str, limits: Mapping[str, float], keep_used: i
         limits: ``timeout`` (seconds) and ``precision`` of the SARSOP solvers; their defaults are 600 and 0.001.
         keep_used: keep only the alpha vectors that this many simulated episodes act by.
 
+    Ctrl-C stops ``sarsop`` early: what it has by then is the result, and its record holds the bounds reached.
+
     Raises:
         HarnessError: a limit does not belong to the solver.
         JuliaError: Julia is not set up, or the solver failed.
@@ -38,12 +43,37 @@ def solve(domain: Domain, solver: str, limits: Mapping[str, float], keep_used: i
     if keep_used and solver == "mdp":
         raise HarnessError("mdp is a bound and has no alpha vectors to keep")
     with tqdm(desc=f"{solver} on {domain.name}", bar_format="{desc} {elapsed} {postfix}", disable=None) as bar:
+        interrupted = threading.Event()
 
-        def report(seconds: float, lower: float, upper: float) -> None:
+        def report(seconds: float, lower: float, upper: float) -> bool:
             bar.set_postfix_str(f"lower {lower:.3f} upper {upper:.3f}")
+            return not interrupted.is_set()
 
-        solution = Solution(*bridge.solve(domain, solver, limits, report))
+        with _ctrl_c_sets(interrupted if solver == "sarsop" else None):
+            record, arrays = bridge.solve(domain, solver, limits, report)
+    if interrupted.is_set():
+        record["stopped"] = "by Ctrl-C"
+    solution = Solution(record, arrays)
     return only_used(domain, solution, keep_used) if keep_used else solution
+
+
+@contextlib.contextmanager
+def _ctrl_c_sets(event: threading.Event | None) -> Iterator[None]:
+    """Within, the first Ctrl-C sets the event instead of interrupting; None leaves Ctrl-C alone."""
+    if event is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    bridge.julia()  # starting Julia sets handlers of its own: first that, then ours
+
+    def stop(*_: object) -> None:
+        event.set()
+        signal.signal(signal.SIGINT, before)  # the second one interrupts
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def only_used(domain: Domain, solution: Solution, episodes: int) -> Solution:

@@ -5,6 +5,7 @@ Julia is started once in this process; what must be seen from outside (Ctrl-C) r
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -211,3 +212,23 @@ def test_ctrl_c_with_julia_and_its_threads(tmp_path):
     assert process.returncode == 130, err
     assert err.strip().splitlines()[-1] == "harness: interrupted"
     assert "Traceback" not in err
+
+
+def test_ctrl_c_stops_sarsop_and_keeps_what_it_has(tmp_path, rocksample):
+    path = tmp_path / "early.npz"
+    command = [sys.executable, "-u", "-m", "harness", "solve", "rocksample-7x8", "sarsop", "--timeout", "600"]
+    with subprocess.Popen(
+        [*command, "--out", str(path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        time.sleep(20)
+        os.killpg(process.pid, signal.SIGINT)  # what a terminal does
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert "stopped early by Ctrl-C" in out
+    solution = alpha.read(path, rocksample)
+    assert solution.record["lower"] == pytest.approx(solution.record["initial_value"], abs=1e-3)
+    assert solution.record["seconds"] < 60

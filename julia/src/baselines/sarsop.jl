@@ -8,14 +8,15 @@ Solves the harnessed model `m` with the `pomdpsol` program of SARSOP_jll and rea
 - `timeout` (seconds, default 600), `precision` (default 1e-3: stop when the bounds at the start are that close),
   `memory` (MB, default 8000): handed to the solver, which stops at the first that is reached
 - `folder`: where `model.pomdpx` and `policy.out` are written (default: a temporary folder)
-- `progress(seconds, lower, upper)`: called for every line in which the solver reports its bounds
+- `progress(seconds, lower, upper)`: called for every line in which the solver reports its bounds; when it returns
+  `false`, the solver is told to stop and write what it has
 
 Returns the [`AlphaVectors`](@ref) and what to record with them: solver, limits, seconds, lower and upper bound at
 the initial belief.
 """
 function solve_sarsop(
     m::POMDP; timeout::Real = 600, precision::Real = 1e-3, memory::Integer = 8000, folder = mktempdir(),
-    progress = (seconds, lower, upper) -> nothing,
+    progress = (seconds, lower, upper) -> true,
 )
     model, output = joinpath(folder, "model.pomdpx"), joinpath(folder, "policy.out")
     open(io -> write_pomdpx(io, m), model, "w")
@@ -39,7 +40,7 @@ function run_solver(command, progress)
             found = parse_bounds(line)
             found === nothing && continue
             bounds = found
-            progress(bounds...)
+            progress(bounds...) == false && kill(process, Base.SIGINT)
         end
         wait(process)
     catch
