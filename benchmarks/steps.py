@@ -1,4 +1,4 @@
-"""Environment steps a second: both engines, next to what else there is. One run, all in one process, as ratios.
+"""Environment steps and belief updates a second, next to what else there is. One process, one run, as ratios.
 
     make bench                      # or: python benchmarks/steps.py
 
@@ -127,6 +127,30 @@ def pomdp_py_steps() -> Callable[[], int]:
     return run
 
 
+def belief_updates(updater: str, updates: int) -> Callable[[], int]:
+    """Exact belief updates after checks in RockSample(7, 8), inside Julia, on one thread."""
+    many = bridge.julia().seval(
+        f"""(m, n) -> begin
+            up = {updater}(m)
+            run(up, b) = (for i in 1:n; b = update(up, b, check(1 + i % 8), isodd(i) ? :good : :bad); end; b)
+            run(up, initialize_belief(up, initialstate(m)))
+            return n
+        end"""
+    )
+    model = bridge.model(harness.load(DOMAIN))
+    return lambda: many(model, updates)
+
+
+def print_beliefs() -> None:
+    ours, flat = (
+        best_rate(belief_updates("FactoredUpdater", 200_000)),
+        best_rate(belief_updates("DiscreteUpdater", 500)),
+    )
+    rows = [["FactoredUpdater", f"{ours:,.0f}", f"{ours / flat:,.0f}"], ["DiscreteUpdater", f"{flat:,.0f}", "1"]]
+    headers = [f"{DOMAIN}", "belief updates/s", "× DiscreteUpdater"]
+    print("\n" + tabulate(rows, headers=headers, disable_numparse=True, colalign=("left", "right", "right")))
+
+
 def main() -> None:
     rates = {
         "tables, random": best_rate(engine_steps("tables", "random", 400_000)),
@@ -153,6 +177,8 @@ def main() -> None:
     ]
     headers = [f"{DOMAIN}", "steps/s", *(f"× {HEADINGS[peer]}" for peer in peers)]
     print(tabulate(rows, headers=headers, disable_numparse=True, colalign=("left", *["right"] * (1 + len(peers)))))
+    if bridge.is_set_up():
+        print_beliefs()
 
 
 if __name__ == "__main__":

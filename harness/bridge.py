@@ -15,6 +15,7 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Mapping
@@ -177,6 +178,8 @@ def _started() -> Any:
         if os.environ.setdefault(name, value) != value and name.endswith("SIGNALS"):
             warnings.warn(f"{name} is set to '{os.environ[name]}': Julia threads need 'yes'", stacklevel=2)
     handler = signal.getsignal(signal.SIGINT)
+    if sys.stderr.isatty():
+        print("starting Julia …", end="\r", file=sys.stderr, flush=True)
     try:
         import juliacall
 

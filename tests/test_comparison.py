@@ -77,7 +77,7 @@ def test_the_default_is_all_that_the_domain_knows(rocksample):
         "random",
         "random-legal",
         "exit",
-        "rollout:32",
+        "rollout:100",
         "accuracy:0.93",
         "belief:0.84",
         "qmdp",

@@ -10,7 +10,7 @@ from harness.domain import Domain
 from harness.policy.base import Stateless
 from harness.tables import Records, Tables, compiled, draw_outcome, inlined, row_of
 
-SIMULATIONS_DEFAULT = 32
+SIMULATIONS_DEFAULT = 100
 
 
 class RolloutPolicy(Stateless):
