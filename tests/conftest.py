@@ -1,20 +1,10 @@
-"""Fixtures, and the one line that says why the Julia tests are skipped where there is no Julia."""
+"""The domains that most tests use."""
 
 from __future__ import annotations
 
 import pytest
 
 import harness
-from harness import bridge
-
-
-def pytest_collection_modifyitems(items):
-    if bridge.is_set_up():
-        return
-    skip = pytest.mark.skip(reason="no Julia is set up for the harness (see `harness julia`)")
-    for item in items:
-        if "julia" in item.keywords:
-            item.add_marker(skip)
 
 
 @pytest.fixture(scope="session")

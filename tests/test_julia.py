@@ -19,7 +19,10 @@ from harness import bridge, policy, registry, rng
 from harness.evaluation import evaluate, simulate
 from harness.policy import alpha
 
-pytestmark = [pytest.mark.julia, pytest.mark.filterwarnings("default")]
+if not bridge.is_set_up():
+    pytest.skip("no Julia is set up for the harness (see `harness julia`)", allow_module_level=True)
+
+pytestmark = pytest.mark.filterwarnings("default")
 
 NAMED_7X8 = ("rocksample-7x8", "bordercross-7x8", "bordercross-7x8-random")
 
