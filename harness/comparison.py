@@ -67,7 +67,7 @@ def compare(
     domain = registry.load(domain) if isinstance(domain, str) else domain
     engine = engines.choose(engine, domain)
     chosen = list(policies) if policies is not None else [*specs.default_specs(domain), *_bounds(domain)]
-    made = [(p, None) if p == BOUND else _made(p, domain) for p in chosen]
+    made = [(p, None) if p == BOUND else specs.named(p, domain) for p in chosen]
     rows: list[dict[str, Any]] = []
     try:
         for name, policy in made:
@@ -104,12 +104,6 @@ class Interrupted(KeyboardInterrupt):
 
 def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(COLUMNS))
-
-
-def _made(policy: str | Policy, domain: Domain) -> tuple[str, Policy]:
-    if isinstance(policy, str):
-        return specs.make(policy, domain)
-    return str(getattr(policy, "name", type(policy).__name__)), policy
 
 
 def _bounds(domain: Domain) -> list[str]:

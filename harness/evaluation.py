@@ -186,20 +186,20 @@ def evaluate(
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
     _check_counts(episodes=episodes, horizon=horizon)
-    if seed < 0:
-        raise HarnessError(f"seed must be 0 or more, not {seed}")
+    if not 0 <= seed < 2**64:
+        raise HarnessError(f"seed must be a whole number from 0 to 2**64 - 1, not {seed}")
     engine = engines.choose(engine, domain)
-    spec, made = policies.make(policy, domain) if isinstance(policy, str) else (_name_of(policy), policy)
-    size = _JULIA_BATCH if engine == "julia" else getattr(made, "batch_size", _BATCH)
+    spec, made = policies.named(policy, domain)
+    threads = 1 if engine == "julia" else workers or os.cpu_count() or 1
+    largest = getattr(made, "batch_size", _JULIA_BATCH if engine == "julia" else _BATCH)
+    size = min(largest, -(-episodes // threads))
     chunks = [(first, min(size, episodes - first)) for first in range(0, episodes, size)]
-
     stop = threading.Event()
 
     def run(chunk: tuple[int, int]) -> _Totals:
         records = simulate(domain, copy.copy(made), engine, seed, *chunk, horizon)
         return _totals(itertools.takewhile(lambda _: not stop.is_set(), records), chunk[1], domain.discount)
 
-    threads = 1 if engine == "julia" else min(len(chunks), workers or os.cpu_count() or 1)
     parts = _map(run, chunks, threads, progress or (lambda finished: None), stop)
     totals = _Totals(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return Evaluation(domain, spec, engine, seed, horizon, *totals)
@@ -209,10 +209,6 @@ def _check_counts(**counts: int) -> None:
     for name, value in counts.items():
         if value < 1:
             raise HarnessError(f"{name} must be 1 or more, not {value}")
-
-
-def _name_of(policy: Policy) -> str:
-    return str(getattr(policy, "name", type(policy).__name__))
 
 
 class _Totals(NamedTuple):

@@ -195,6 +195,16 @@ class TestUsersOwnPolicies:
         with pytest.raises(harness.PolicyError, match=words):
             evaluate(rocksample, Wrong(), episodes=5, engine="tables")
 
+    def test_what_is_no_policy_is_refused(self, rocksample):
+        for thing in (object(), 3, policies.AccuracyPolicy):  # a class is not an object of it
+            with pytest.raises(harness.PolicyError, match=r"reset\(batch\) and act\(batch\)"):
+                evaluate(rocksample, thing, engine="tables")
+
+    @pytest.mark.parametrize("wrong", [{"episodes": 0}, {"horizon": 0}, {"seed": -1}, {"seed": 2**64}])
+    def test_counts_out_of_range_are_refused(self, rocksample, wrong):
+        with pytest.raises(harness.HarnessError, match=next(iter(wrong))):
+            evaluate(rocksample, "exit", engine="tables", **wrong)
+
 
 class TestPolicyStrings:
     def test_defaults_are_filled_in(self, rocksample):

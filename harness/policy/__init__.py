@@ -15,7 +15,7 @@ from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyP
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
 from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
 
-__all__ = ["Policy", "default_specs", "make", "specs"]
+__all__ = ["Policy", "default_specs", "make", "named", "specs"]
 
 SOLVED = ("qmdp", "sarsop", "native-sarsop")
 
@@ -136,3 +136,17 @@ def make(spec: str, domain: Domain) -> tuple[str, Policy]:
         raise PolicyError(f"policy '{word}' takes no parameter, but '{spec}' gives one")
     argument = text if colon else kind.argument
     return (f"{word}:{argument}" if argument else word), kind.make(domain, argument)
+
+
+def named(policy: str | Policy, domain: Domain) -> tuple[str, Policy]:
+    """A policy and the name that tables show, from a policy string or from any object with ``reset`` and ``act``.
+
+    Raises:
+        PolicyError: the string means nothing on this domain, or the object is no policy.
+    """
+    if isinstance(policy, str):
+        return make(policy, domain)
+    name = str(getattr(policy, "name", type(policy).__name__))
+    if isinstance(policy, type) or not isinstance(policy, Policy):
+        raise PolicyError(f"{name} is no policy: an object with the methods reset(batch) and act(batch) is needed")
+    return name, policy
