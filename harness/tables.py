@@ -178,12 +178,11 @@ def normalize(posterior: NDArray[np.float64], n: int, marginals: NDArray[np.floa
     total = 0.0
     for x in range(n):
         total += posterior[x]
-    if total <= 0.0:
-        return
-    for x in range(n):
-        marginals[e, first + x] = posterior[x] / total
-    if n == 2:
-        marginals[e, first] = 1.0 - marginals[e, first + 1]
+    if total > 0.0:
+        for x in range(n):
+            marginals[e, first + x] = posterior[x] / total
+        if n == 2:
+            marginals[e, first] = 1.0 - marginals[e, first + 1]
 
 
 @inlined
@@ -192,23 +191,21 @@ def update_belief(
     rows: Records,
     outcomes: Records,
     reading_probability: NDArray[np.float64],
-    factor_offset: NDArray[np.int64],
     va: int,
     vp: int,
     o: int,
     marginals: NDArray[np.float64],
     e: int,
+    first: int,
+    n: int,
     posterior: NDArray[np.float64],
 ) -> None:
     """Bayes' rule in place after choice ``va`` led episode ``e`` to visible value ``vp`` and observation ``o``.
 
-    ``marginals[e]`` (N,) is the belief over the hidden factors, ``posterior`` scratch space as long as a factor.
+    ``marginals[e]`` (N,) is the belief over the hidden factors; the relevant factor's n values begin at ``first``.
+    ``posterior`` is scratch space as long as a factor. (One way out, no early return: only then does Numba drop the
+    counting of references, which takes several times as long as the update.)
     """
-    k = choices[va].factor
-    if k < 0:
-        return
-    first = factor_offset[k]
-    n = factor_offset[k + 1] - first
     for x in range(n):
         posterior[x] = 0.0
     for x in range(n):
@@ -227,14 +224,13 @@ def is_legal(
     choices: Records, rows: Records, factor_offset: NDArray[np.int64], va: int, marginals: NDArray[np.float64], e: int
 ) -> bool:
     """Whether choice ``va`` costs no illegal-move penalty in any state that the belief holds possible."""
-    row = choices[va].first_row
-    k = choices[va].factor
-    if row < 0:
-        return False
-    if k < 0:
-        return bool(rows[row].legal)
-    first = factor_offset[k]
-    for x in range(factor_offset[k + 1] - first):
-        if marginals[e, first + x] > 0.0 and not rows[row + x].legal:
-            return False
-    return True
+    row, k = choices[va].first_row, choices[va].factor
+    legal = row >= 0
+    if legal and k < 0:
+        legal = rows[row].legal
+    elif legal:
+        first = factor_offset[k]
+        for x in range(factor_offset[k + 1] - first):
+            if marginals[e, first + x] > 0.0 and not rows[row + x].legal:
+                legal = False
+    return legal

@@ -148,7 +148,9 @@ def _step(
         visible[e] = outcomes[i].visible
         observation[e] = o
         done[e] = outcomes[i].ends
-        if track:
+        if track and k >= 0:
+            start = factor_offset[k]
+            n = factor_offset[k + 1] - start
             update_belief(
-                choices, rows, outcomes, reading_probability, factor_offset, va, visible[e], o, marginals, e, scratch
+                choices, rows, outcomes, reading_probability, va, visible[e], o, marginals, e, start, n, scratch
             )

@@ -16,32 +16,31 @@ BELIEF_DEFAULT = 0.84
 
 
 class _Map(NamedTuple):
-    """What the heuristics know of a RockSample domain: cells, rocks, and which action is which."""
+    """What the heuristics know of a RockSample domain, by visible value (V of them) and rock (K)."""
 
-    cells: NDArray[np.int16]  # (V, 2) x and y of each visible value
-    rocks: NDArray[np.int16]  # (K, 2)
-    accuracy: NDArray[np.float64]  # (V, K) probability that a reading is right (eq. 3)
-    up: int
+    distance: NDArray[np.int64]
+    """(V, K) Manhattan distance."""
+    toward: NDArray[np.int32]
+    """(V, K) the move toward the rock, column first, then row; sample() on it."""
+    accuracy: NDArray[np.float64]
+    """(V, K) probability that a reading is right (eq. 3)."""
     right: int
-    down: int
-    left: int
     sample: int
-    check: int  # action of check(1); check(i) follows in order
-    good: int  # observation of a good rock
+    check: int
+    """Action of check(1); check(i) follows in order."""
+    good: int
+    """Observation of a good rock."""
 
 
 def _map_of(domain: Domain) -> _Map:
-    rocks = np.array(domain.layout["rocks"], dtype=np.int16)
-    cells = domain.visible_values
-    distance = np.linalg.norm(cells[:, None, :].astype(float) - rocks[None, :, :], axis=2)
+    away = np.array(domain.layout["rocks"]) - domain.visible_values[:, None, :].astype(np.int64)  # (V, K, 2)
+    dx, dy = away[..., 0], away[..., 1]
+    steps = [domain.action(name) for name in ("right()", "left()", "up()", "down()")]
     return _Map(
-        cells=cells,
-        rocks=rocks,
-        accuracy=0.5 + 0.5 * 2.0 ** (-distance / domain.layout["half_efficiency_distance"]),
-        up=domain.action("up()"),
+        distance=np.abs(dx) + np.abs(dy),
+        toward=np.select([dx > 0, dx < 0, dy > 0, dy < 0], steps, domain.action("sample()")).astype(np.int32),
+        accuracy=0.5 + 0.5 * 2.0 ** (-np.hypot(dx, dy) / domain.layout["half_efficiency_distance"]),
         right=domain.action("right()"),
-        down=domain.action("down()"),
-        left=domain.action("left()"),
         sample=domain.action("sample()"),
         check=domain.action("check(1)"),
         good=domain.observations.index("good"),
@@ -65,7 +64,7 @@ class AccuracyPolicy:
 
     def reset(self, batch: Batch) -> None:
         """Forget all readings."""
-        self._rocks = np.zeros((batch.size, len(self._map.rocks)), dtype=np.int8)
+        self._rocks = np.zeros((batch.size, self._map.distance.shape[1]), dtype=np.int8)
         self._checked = np.full(batch.size, -1, dtype=np.int16)
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
@@ -91,7 +90,7 @@ class BeliefPolicy:
 
     def reset(self, batch: Batch) -> None:
         """No rock has been sampled yet."""
-        self._sampled = np.zeros((batch.size, len(self._map.rocks)), dtype=np.bool_)
+        self._sampled = np.zeros((batch.size, self._map.distance.shape[1]), dtype=np.bool_)
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """One action an episode."""
@@ -101,25 +100,6 @@ class BeliefPolicy:
             self._map, self.threshold, columns, batch.visible, batch.marginals, batch.done, self._sampled, actions
         )
         return actions
-
-
-@compiled
-def _distance(m: _Map, v: int, rock: int) -> int:
-    return abs(m.cells[v, 0] - m.rocks[rock, 0]) + abs(m.cells[v, 1] - m.rocks[rock, 1])
-
-
-@compiled
-def _toward(m: _Map, v: int, rock: int) -> int:
-    """The move toward a rock, column first, then row; sample() on it."""
-    if m.cells[v, 0] < m.rocks[rock, 0]:
-        return m.right
-    if m.cells[v, 0] > m.rocks[rock, 0]:
-        return m.left
-    if m.cells[v, 1] < m.rocks[rock, 1]:
-        return m.up
-    if m.cells[v, 1] > m.rocks[rock, 1]:
-        return m.down
-    return m.sample
 
 
 _OPEN, _GOOD, _DISMISSED = 0, 1, 2  # what Algorithm 2 holds of a rock: unread, read good, read bad or sampled
@@ -136,26 +116,28 @@ def _accuracy_act(
     checked: NDArray[np.int16],
     actions: NDArray[np.int32],
 ) -> None:
+    distance, toward, accuracy = m.distance, m.toward, m.accuracy
+    right, sample, check, good = m.right, m.sample, m.check, m.good
     for e in range(len(visible)):
         if done[e]:
             continue
         if checked[e] >= 0:
-            rocks[e, checked[e]] = _GOOD if observation[e] == m.good else _DISMISSED
+            rocks[e, checked[e]] = _GOOD if observation[e] == good else _DISMISSED
             checked[e] = -1
         v = visible[e]
         nearest = -1
-        for i in range(len(m.rocks)):
-            candidate = rocks[e, i] != _DISMISSED and m.accuracy[v, i] > threshold
-            if candidate and (nearest < 0 or _distance(m, v, i) < _distance(m, v, nearest)):
+        for i in range(distance.shape[1]):
+            candidate = rocks[e, i] != _DISMISSED and accuracy[v, i] > threshold
+            if candidate and (nearest < 0 or distance[v, i] < distance[v, nearest]):
                 nearest = i
         if nearest < 0:
-            actions[e] = m.right
+            actions[e] = right
         elif rocks[e, nearest] == _OPEN:
-            actions[e] = m.check + nearest
+            actions[e] = check + nearest
             checked[e] = nearest
         else:
-            actions[e] = _toward(m, v, nearest)
-            if actions[e] == m.sample:
+            actions[e] = toward[v, nearest]
+            if actions[e] == sample:
                 rocks[e, nearest] = _DISMISSED
 
 
@@ -170,20 +152,21 @@ def _belief_act(
     sampled: NDArray[np.bool_],
     actions: NDArray[np.int32],
 ) -> None:
+    distance, toward, right, sample, check = m.distance, m.toward, m.right, m.sample, m.check
     for e in range(len(visible)):
         if done[e]:
             continue
         v = visible[e]
         nearest = -1
-        for i in range(len(m.rocks)):
+        for i in range(distance.shape[1]):
             candidate = not sampled[e, i] and marginals[e, columns[i]] >= 1.0 - threshold
-            if candidate and (nearest < 0 or _distance(m, v, i) < _distance(m, v, nearest)):
+            if candidate and (nearest < 0 or distance[v, i] < distance[v, nearest]):
                 nearest = i
         if nearest < 0:
-            actions[e] = m.right
+            actions[e] = right
         elif marginals[e, columns[nearest]] > threshold:
-            actions[e] = _toward(m, v, nearest)
-            if actions[e] == m.sample:
+            actions[e] = toward[v, nearest]
+            if actions[e] == sample:
                 sampled[e, nearest] = True
         else:
-            actions[e] = m.check + nearest
+            actions[e] = check + nearest
