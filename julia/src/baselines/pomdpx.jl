@@ -135,12 +135,14 @@ function write_observations(io, m)
         append!(cases, cases_of(i, v, k, sort!(collect(tables[(i, v, k)]))))
     end
     parents = factor_parents(cases)
-    # No state leads to the cases left out; the solver still wants a distribution there.
-    anything = join(["*", "*", ("*" for _ in parents)..., "-"], " ") => words(one_hot(1, length(observations(m))))
+    # The first entry holds wherever no later one does: where nothing hidden matters and the first observation is sure,
+    # and in cases that no state leads to, for which the solver still wants a distribution.
+    default = one_hot(1, length(observations(m)))
+    anything = join(["*", "*", ("*" for _ in parents)..., "-"], " ") => words(default)
     println(io, "<ObsFunction>")
     conditional(
         io, "CondProb", "reading", ["action"; "visible_1"; ["f$(k)_1" for k in parents]],
-        [anything; [instance_words(c, parents) * " -" => words(c.table) for c in cases]],
+        [anything; [instance_words(c, parents) * " -" => words(c.table) for c in cases if c.k > 0 || c.table != default]],
     )
     println(io, "</ObsFunction>")
 end

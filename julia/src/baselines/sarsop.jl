@@ -1,12 +1,13 @@
 # SARSOP (Kurniawati, Hsu and Lee 2008): APPL's C++ solver on the factored, mixed-observability POMDPX file.
 
 """
-    solve_sarsop(m; timeout, precision, memory, folder, progress)
+    solve_sarsop(m; timeout, precision, folder, progress)
 
 Solves the harnessed model `m` with the `pomdpsol` program of SARSOP_jll and reads its policy back.
 
-- `timeout` (seconds, default 600), `precision` (default 1e-3: stop when the bounds at the start are that close),
-  `memory` (MB, default 8000): handed to the solver, which stops at the first that is reached
+- `timeout` (seconds, default 600), `precision` (default 1e-3: stop when the bounds at the start are that close):
+  handed to the solver, which stops at the first that is reached. (Its memory limit is left alone: with any, it fails to
+  load RockSample(11, 11), which takes 3 GB.)
 - `folder`: where `model.pomdpx` and `policy.out` are written (default: a temporary folder)
 - `progress(seconds, lower, upper)`: called for every line in which the solver reports its bounds; when it returns
   `false`, the solver is told to stop and write what it has
@@ -15,12 +16,12 @@ Returns the [`AlphaVectors`](@ref) and what to record with them: solver, limits,
 the initial belief.
 """
 function solve_sarsop(
-    m::POMDP; timeout::Real = 600, precision::Real = 1e-3, memory::Integer = 8000, folder = mktempdir(),
+    m::POMDP; timeout::Real = 600, precision::Real = 1e-3, folder = mktempdir(),
     progress = (seconds, lower, upper) -> true,
 )
     model, output = joinpath(folder, "model.pomdpx"), joinpath(folder, "policy.out")
     open(io -> write_pomdpx(io, m), model, "w")
-    command = `$(SARSOP_jll.pomdpsol()) $model --timeout $timeout --precision $precision --memory $memory --output $output`
+    command = `$(SARSOP_jll.pomdpsol()) $model --timeout $timeout --precision $precision --output $output`
     bounds, log = run_solver(command, progress)
     isfile(output) || error("pomdpsol wrote no policy; its last words:\n" * join(last(log, 10), "\n"))
     record = Dict{String,Any}(
