@@ -92,9 +92,10 @@ class Evaluation:
 
 
 def mean_and_sem(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and its standard error (0 for a single value)."""
-    sem = float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else 0.0
-    return float(values.mean()), sem
+    """Mean and its standard error; both exact, without rounding, where all values are equal."""
+    if values.min() == values.max():
+        return float(values[0]), 0.0
+    return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values)))
 
 
 class StepRecord(NamedTuple):
