@@ -11,7 +11,7 @@ table: $(VENV)/.installed
 	$(BIN)/harness compare bordercross-7x8 --engine tables
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
