@@ -90,9 +90,11 @@ def _parser() -> argparse.ArgumentParser:
     solve = commands.add_parser("solve", help="solve a domain in Julia")
     _domain_argument(solve)
     solve.add_argument("solver", metavar="SOLVER", choices=SOLVERS, help=", ".join(SOLVERS))
-    solve.add_argument("--timeout", type=float, metavar="S", help="seconds of sarsop or native-sarsop (default 600)")
     solve.add_argument(
-        "--precision", type=float, metavar="P", help="stop when the bounds are this close (default 0.001)"
+        "--timeout", type=_positive_number, metavar="S", help="seconds of sarsop or native-sarsop (default 600)"
+    )
+    solve.add_argument(
+        "--precision", type=_positive_number, metavar="P", help="stop when the bounds are this close (default 0.001)"
     )
     solve.add_argument(
         "--keep-used", type=_positive, metavar="N", help="keep only the vectors that N simulated episodes act by"
@@ -124,6 +126,16 @@ def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, 1 or more")
     return int(text)
+
+
+def _positive_number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+    return value
 
 
 # The commands import what they need when they run, so that --help and misuse answer at once.

@@ -48,7 +48,7 @@ def compare(
     """Score policies on a domain side by side.
 
     Args:
-        domain: a domain or its name.
+        domain: a domain or its name. Scores are of the true reward, whatever the domain's shaping.
         policies: policy strings or policy objects; by default all that the domain knows, with the bound ``mdp``.
         episodes: of every policy; by default 10,000, and 1,000 for policies that plan by simulation (``rollout``).
         seed: all policies meet the same initial states and the same random numbers.
@@ -64,7 +64,7 @@ def compare(
         HarnessError: something in the arguments is wrong; nothing is run before all of them have been checked.
         Interrupted: Ctrl-C was pressed; its ``table`` holds the rows finished by then.
     """
-    domain = registry.load(domain) if isinstance(domain, str) else domain
+    domain = (registry.load(domain) if isinstance(domain, str) else domain).shaped("none")
     engine = engines.choose(engine, domain)
     chosen = list(policies) if policies is not None else [*specs.default_specs(domain), *_bounds(domain)]
     made = [(p, None) if p == BOUND else specs.named(p, domain) for p in chosen]

@@ -52,6 +52,8 @@ def misuse(capsys, *arguments):
         (["show", "rocksample-7x8", "sarsp"], "did you mean"),
         (["comparre", "rocksample-7x8"], "invalid choice"),
         ([], "required"),
+        (["solve", "rocksample-7x8", "sarsop", "--timeout", "-3"], "'-3' is not a number above 0"),
+        (["solve", "rocksample-7x8", "sarsop", "--precision", "nan"], "'nan' is not a number above 0"),
         (["solve", "rocksample-7x8", "qmdp", "--timeout", "3"], "timeout is a limit of sarsop and native-sarsop"),
     ],
 )  # fmt: skip

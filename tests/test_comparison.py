@@ -86,6 +86,14 @@ def test_the_default_is_all_that_the_domain_knows(rocksample):
     ]
 
 
+def test_scores_are_never_shaped(bordercross):
+    plain, shaped = (
+        harness.compare(d, ["sarsop"], episodes=5, engine="tables")
+        for d in (bordercross, bordercross.shaped("potential"))
+    )
+    assert plain["mean"].tolist() == shaped["mean"].tolist() == [500.0]
+
+
 def test_nothing_runs_before_everything_is_checked(monkeypatch):
     monkeypatch.setattr("harness.comparison.evaluate", lambda *a, **k: pytest.fail("ran"))
     with pytest.raises(harness.PolicyError):
