@@ -7,18 +7,15 @@ from numpy.typing import NDArray
 
 from harness import bridge
 from harness.domain import Domain
+from harness.engine.arrays import EngineArrays
 
 
-class JuliaEngine:
+class JuliaEngine(EngineArrays):
     """See :class:`harness.engine.Engine` for the contract. One call into Julia a step, whatever the batch's size."""
 
     def __init__(self, domain: Domain, size: int, track_belief: bool) -> None:
         """An engine for ``size`` episodes; without ``track_belief`` the marginals stay (E, 0)."""
-        self.domain = domain
-        self.visible = np.zeros(size, dtype=np.int32)
-        self.observation = np.zeros(size, dtype=np.int32)
-        self.marginals = np.zeros((size, domain.n_marginals if track_belief else 0))
-        self.done = np.zeros(size, dtype=np.bool_)
+        super().__init__(domain, size, track_belief)
         self._u = np.zeros(size)
         self._actions = np.zeros(size, dtype=np.int32)
         self._rewards = np.zeros(size)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.domain import Domain
+from harness.engine.arrays import EngineArrays
 from harness.tables import (
     Tables,
     compiled,
@@ -18,16 +19,12 @@ from harness.tables import (
 )
 
 
-class TablesEngine:
+class TablesEngine(EngineArrays):
     """See :class:`harness.engine.Engine` for the contract."""
 
     def __init__(self, domain: Domain, size: int, track_belief: bool) -> None:
         """An engine for ``size`` episodes; without ``track_belief`` the marginals stay (E, 0)."""
-        self.domain = domain
-        self.visible = np.zeros(size, dtype=np.int32)
-        self.observation = np.zeros(size, dtype=np.int32)
-        self.marginals = np.zeros((size, domain.n_marginals if track_belief else 0))
-        self.done = np.zeros(size, dtype=np.bool_)
+        super().__init__(domain, size, track_belief)
         self._values = np.zeros((size, len(domain.factors)), dtype=np.int16)  # the hidden part
         self._scratch = np.zeros(max(domain.factor_sizes, default=1))
 
