@@ -125,10 +125,12 @@ the belief is left as it was.
 """
 function bayes!(posterior, prior, m, v, a, vp, o, k)
     n = length(posterior)
-    for x in 1:n
+    n == length(prior) == factor_sizes(m)[k] ||
+        throw(DimensionMismatch("factor $k has $(factor_sizes(m)[k]) values, the beliefs $n and $(length(prior))"))
+    @inbounds for x in 1:n
         posterior[x] = 0.0
     end
-    for x in 1:n
+    @inbounds for x in 1:n
         b = prior[x]
         b > 0 || continue
         s = representative(m, v, k, x)
@@ -146,17 +148,16 @@ equations 1 and 2 to the letter: only the probability of the second value ("good
 """
 function normalize_first!(posterior, prior)
     n = length(posterior)
+    n == length(prior) || throw(DimensionMismatch("beliefs of $n and $(length(prior)) values"))
     total = 0.0
-    for x in 1:n
+    @inbounds for x in 1:n
         total += posterior[x]
     end
     if total <= 0
-        for x in 1:n
-            posterior[x] = prior[x]
-        end
+        posterior .= prior
         return 0.0
     end
-    for x in 1:n
+    @inbounds for x in 1:n
         posterior[x] /= total
     end
     n == 2 && (posterior[1] = 1.0 - posterior[2])
