@@ -130,28 +130,11 @@ def test_arrays_are_shared_not_copied(rocksample):
     assert (rocksample.visible_values[engine.visible] == [2, 4]).all()
 
 
-TIGER = """
-using POMDPs, POMDPTools
-struct Tiger <: POMDP{Bool,Symbol,Bool} end
-POMDPs.states(::Tiger) = (true, false)
-POMDPs.stateindex(::Tiger, s::Bool) = s ? 1 : 2
-POMDPs.actions(::Tiger) = (:listen, :left, :right)
-POMDPs.actionindex(::Tiger, a::Symbol) = findfirst(==(a), (:listen, :left, :right))
-POMDPs.observations(::Tiger) = (true, false)
-POMDPs.obsindex(::Tiger, o::Bool) = o ? 1 : 2
-POMDPs.discount(::Tiger) = 0.95
-POMDPs.initialstate(::Tiger) = BoolDistribution(0.5)
-POMDPs.transition(::Tiger, s::Bool, a::Symbol) = BoolDistribution(a == :listen ? Float64(s) : 0.5)
-POMDPs.observation(::Tiger, a::Symbol, sp::Bool) = BoolDistribution(a != :listen ? 0.5 : sp ? 0.85 : 0.15)
-POMDPs.reward(::Tiger, s::Bool, a::Symbol) = a == :listen ? -1.0 : (a == :left) == s ? -100.0 : 10.0
-Tiger()
-"""
-
-
 @pytest.fixture(scope="module")
 def tiger(tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "tiger.jl"
-    path.write_text(TIGER)
+    models = bridge.package_folder() / "test" / "models.jl"
+    path.write_text(f'using POMDPs, POMDPTools\ninclude(raw"{models}")\nTiger()\n')
     return harness.load(str(path))
 
 
