@@ -110,11 +110,10 @@ def require_set_up() -> None:
     Raises:
         JuliaError: something is missing; the message says what.
     """
-    missing = [check for check in status() if not check.ok]
-    if missing:
-        raise JuliaError(
-            f"Julia is not set up for the harness ({missing[0].name}: {missing[0].text}); see `harness julia`"
-        )
+    if is_set_up():  # remembered: asking anew starts a Julia to learn its version
+        return
+    missing = next(check for check in status() if not check.ok)
+    raise JuliaError(f"Julia is not set up for the harness ({missing.name}: {missing.text}); see `harness julia`")
 
 
 def setup() -> None:

@@ -130,7 +130,7 @@ function bayes!(posterior, prior, m, v, a, vp, o, k)
     @inbounds for x in 1:n
         posterior[x] = 0.0
     end
-    @inbounds for x in 1:n
+    for x in 1:n        # bounds stay checked: the index written to is what the model says it is
         b = prior[x]
         b > 0 || continue
         s = representative(m, v, k, x)

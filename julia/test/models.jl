@@ -30,3 +30,16 @@ POMDPs.transition(::Drift, s::Int, a::Symbol) =
 POMDPs.observation(::Drift, a::Symbol, sp::Int) = BoolDistribution(sp / 4)
 POMDPs.reward(::Drift, s::Int, a::Symbol, sp::Int) = Float64(sp - s)
 POMDPs.reward(::Drift, s::Int, a::Symbol) = a == :go && s < 4 ? 0.6 : 0.0
+
+"A model that is wrong: its third state is not among its states."
+struct Astray <: POMDP{Int,Symbol,Bool} end
+POMDPs.states(::Astray) = 1:2
+POMDPs.stateindex(::Astray, s::Int) = s
+POMDPs.actions(::Astray) = (:go,)
+POMDPs.actionindex(::Astray, ::Symbol) = 1
+POMDPs.observations(::Astray) = (true,)
+POMDPs.obsindex(::Astray, ::Bool) = 1
+POMDPs.discount(::Astray) = 0.9
+POMDPs.transition(::Astray, s::Int, ::Symbol) = Deterministic(s + 1)
+POMDPs.observation(::Astray, ::Symbol, ::Int) = Deterministic(true)
+POMDPs.reward(::Astray, s::Int, ::Symbol) = 0.0

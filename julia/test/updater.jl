@@ -67,3 +67,8 @@ end
     @test belief_updater(Tiger()) isa DiscreteUpdater
 end
 
+
+@testset "a model that names a state outside its space is an error, not a stray write" begin
+    m = H.harnessed(Astray())
+    @test_throws BoundsError H.bayes!(zeros(2), [0.5, 0.5], m, 1, :go, 1, true, 1)
+end
