@@ -1,0 +1,124 @@
+"""``compare``, ``domains``, ``policies``, ``show``, ``check-domain``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.cli.arguments import domain_argument, episode_arguments, natural, positive, write
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FORMATS = ("table", "markdown", "csv", "json")
+
+
+def register(commands: Any) -> None:
+    """Add the commands to the parser."""
+    compare = commands.add_parser("compare", help="score policies on a domain side by side")
+    domain_argument(compare)
+    compare.add_argument(
+        "--policy", action="append", metavar="SPEC", help="a policy, as often as wanted (default: all of the domain's)"
+    )
+    compare.add_argument("--episodes", type=positive, metavar="N", help="default: 10000, for rollout 1000")
+    episode_arguments(compare)
+    compare.add_argument("--format", choices=FORMATS, default="table", help="default: table")
+    compare.add_argument("--out", type=Path, metavar="FILE", help="write there instead of to the terminal")
+    compare.set_defaults(run=_compare)
+
+    domains = commands.add_parser("domains", help="list the domains with sizes and provenance")
+    domains.set_defaults(run=_domains)
+
+    policies = commands.add_parser("policies", help="list the policies of a domain")
+    domain_argument(policies)
+    policies.set_defaults(run=_policies)
+
+    show = commands.add_parser("show", help="replay one episode step by step")
+    domain_argument(show)
+    show.add_argument("policy", metavar="POLICY", help="a policy, such as belief:0.84")
+    show.add_argument("--episode", type=natural, default=0, metavar="K", help="which episode of the seed (default 0)")
+    episode_arguments(show)
+    show.set_defaults(run=_show)
+
+    check = commands.add_parser("check-domain", help="check a domain, and an engine against it")
+    domain_argument(check)
+    check.add_argument("--engine", default="auto", help="auto, tables or julia (default auto)")
+    check.set_defaults(run=_check_domain)
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from harness import comparison
+
+    def put(table: pd.DataFrame) -> None:
+        text = comparison.render(table, options.format)
+        if options.out is None:
+            print(text, end="")
+        else:
+            write(options.out, text)
+
+    try:
+        table = comparison.compare(
+            options.domain,
+            options.policy,
+            episodes=options.episodes,
+            seed=options.seed,
+            horizon=options.horizon,
+            engine=options.engine,
+            progress=True,
+        )
+    except comparison.Interrupted as stop:
+        if len(stop.table):
+            put(stop.table)
+        raise
+    put(table)
+
+
+def _domains(options: argparse.Namespace) -> None:
+    from tabulate import tabulate
+
+    from harness import registry
+
+    lines: list[list[Any]] = []
+    for name in registry.names():
+        d = registry.load(name)
+        versions = d.provenance["versions"]
+        source = f"{d.provenance['exported']}, Julia {versions['julia']}, POMDPs.jl {versions['POMDPs']}"
+        sizes = (f"{d.n_states:,}", d.n_actions, d.n_observations, d.discount)
+        lines.append([name, d.version, *sizes, ", ".join(d.shapings), source, d.title])
+    headers = ["domain", "version", "states", "actions", "observations", "discount", "shapings", "exported", "what"]
+    print(tabulate(lines, headers=headers, disable_numparse=True))
+
+
+def _policies(options: argparse.Namespace) -> None:
+    from tabulate import tabulate
+
+    from harness import policy, registry
+
+    print(tabulate(list(policy.specs(registry.load(options.domain)).items()), headers=["policy", "what it does"]))
+
+
+def _show(options: argparse.Namespace) -> None:
+    from harness.show import replay
+
+    for block in replay(
+        options.domain,
+        options.policy,
+        seed=options.seed,
+        episode=options.episode,
+        horizon=options.horizon,
+        engine=options.engine,
+    ):
+        print(block, end="\n\n")
+
+
+def _check_domain(options: argparse.Namespace) -> int:
+    from harness.check import ConformanceError, check_domain
+
+    try:
+        check_domain(options.domain, options.engine)
+    except ConformanceError as error:
+        print(error)
+        return 1
+    print(f"{options.domain}: all checks passed")
+    return 0
