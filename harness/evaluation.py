@@ -22,7 +22,7 @@ from harness.domain import Domain
 from harness.engine import Engine
 from harness.errors import HarnessError, PolicyError
 from harness.policy import Policy
-from harness.tables import compiled
+from harness.tables import STOP, compiled
 
 HORIZON = 50
 """Steps after which an episode is truncated (paper, Table 2)."""
@@ -107,7 +107,7 @@ class StepRecord(NamedTuple):
     """None for the reset."""
     rewards: NDArray[np.float64]
     active: NDArray[np.bool_]
-    """Episodes that had not ended before the step."""
+    """Episodes that took part in the step: not ended before it, and not stopped by their policy."""
 
 
 def simulate(
@@ -123,10 +123,12 @@ def simulate(
     policy.reset(batch)
     yield StepRecord(batch, None, np.zeros(count), np.ones(count, dtype=np.bool_))
     for step in range(1, horizon + 1):
-        active = ~stepper.done
-        if not active.any():
+        if stepper.done.all():
             return
         actions = _checked(policy.act(batch), batch)
+        active = ~stepper.done & (actions != STOP)
+        if not active.any():
+            return
         rewards = stepper.step(actions, rng.uniforms(seed, rng.ENGINE, step, first, count))
         batch.step = step
         yield StepRecord(batch, actions, rewards, active)
@@ -153,9 +155,11 @@ def _checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
             f"not an array of shape {array.shape} and type {array.dtype}"
         )
     n = batch.domain.n_actions
-    if array.min() < 0 or array.max() >= n:
-        wrong = array[(array < 0) | (array >= n)][0]
-        raise PolicyError(f"act() returned action {wrong}; {batch.domain.name} has the actions 0 to {n - 1}")
+    if array.min() < STOP or array.max() >= n:
+        wrong = array[(array < STOP) | (array >= n)][0]
+        raise PolicyError(
+            f"act() returned action {wrong}; {batch.domain.name} has the actions 0 to {n - 1} (and {STOP}: stop here)"
+        )
     return array.astype(np.int32, copy=False)
 
 

@@ -12,6 +12,11 @@ from numpy.typing import NDArray
 ENGINE, POLICY = 0, 1
 """Streams: the engine's (next states, observations), and the policies' own, which no policy choice can mix."""
 
+TRAINING = 1 << 62
+"""Added to the seed of episodes that a search (evolution, tuning) selects by: far from the seeds people score with."""
+HELD_OUT = 1 << 61
+"""Added to the seed of fresh episodes, which score what a search found and which it never saw."""
+
 _BLOCK = 4  # Philox makes four 64-bit numbers for each value of its counter
 
 

@@ -33,6 +33,9 @@ def inlined(function: _F) -> _F:
     return jitted
 
 
+STOP = -1
+"""The action of a policy that has come to its end: the episode stays as it is and is paid nothing more."""
+
 CHOICE = np.dtype([("first_row", np.int32), ("factor", np.int16)], align=True)
 """Of (visible value, action): its first row (−1 where terminal) and its relevant hidden factor (−1 for none)."""
 ROW = np.dtype([("first", np.int32), ("last", np.int32), ("legal", np.bool_)], align=True)

@@ -41,7 +41,10 @@ class Engine(Protocol):
         """Start all episodes. ``u``: (E,) in [0, 1), for the initial states and the first readings."""
 
     def step(self, actions: NDArray[np.int32], u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Apply one action an episode; rewards (E,). ``u``: (E,) in [0, 1), for next states and observations."""
+        """Apply one action an episode; rewards (E,). ``u``: (E,) in [0, 1), for next states and observations.
+
+        The action −1 (:data:`harness.tables.STOP`) leaves an episode as it is and pays 0.
+        """
 
 
 def choose(name: str, domain: Domain) -> str:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from harness.domain import Domain
 from harness.engine.arrays import EngineArrays
 from harness.tables import (
+    STOP,
     Tables,
     compiled,
     draw_outcome,
@@ -25,7 +26,8 @@ class TablesEngine(EngineArrays):
     def __init__(self, domain: Domain, size: int, track_belief: bool) -> None:
         """An engine for ``size`` episodes; without ``track_belief`` the marginals stay (E, 0)."""
         super().__init__(domain, size, track_belief)
-        self._values = np.zeros((size, len(domain.factors)), dtype=np.int16)  # the hidden part
+        self.values = np.zeros((size, len(domain.factors)), dtype=np.int16)
+        """(E, K) the hidden part."""
         self._scratch = np.zeros(max(domain.factor_sizes, default=1))
 
     def reset(self, u: NDArray[np.float64]) -> None:
@@ -34,7 +36,7 @@ class TablesEngine(EngineArrays):
             self.domain.tables,
             u,
             self.visible,
-            self._values,
+            self.values,
             self.observation,
             self.done,
             self.marginals,
@@ -49,7 +51,7 @@ class TablesEngine(EngineArrays):
             actions,
             u,
             self.visible,
-            self._values,
+            self.values,
             self.observation,
             self.done,
             self.marginals,
@@ -133,7 +135,7 @@ def _step(
     track = marginals.shape[1] > 0
     for e in range(len(visible)):
         rewards[e] = 0.0
-        if done[e]:
+        if done[e] or actions[e] == STOP:
             continue
         va = visible[e] * n_actions + actions[e]
         i, left = draw_outcome(rows, outcomes, row_of(choices, va, values, e), u[e])

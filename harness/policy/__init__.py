@@ -12,8 +12,10 @@ from harness.errors import PolicyError, nearest
 from harness.policy.alpha import AlphaVectorPolicy, read
 from harness.policy.base import Policy
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
+from harness.policy.program import ProgramPolicy
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
 from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
+from harness.program import parse, words_of
 
 __all__ = ["Policy", "default_specs", "make", "named", "specs"]
 
@@ -31,13 +33,16 @@ class _Kind:
     """The default argument; empty where there is none."""
     layout: str = ""
     """The only layout kind it works on; empty for any."""
+    needs_file: bool = False
+    """Whether it is written ``word:FILE``."""
 
     def suits(self, domain: Domain) -> bool:
         return self.layout in ("", domain.layout["kind"])
 
     @property
     def spec(self) -> str:
-        return f"{self.word}:{self.argument}" if self.argument else self.word
+        argument = "FILE" if self.needs_file else self.argument
+        return f"{self.word}:{argument}" if argument else self.word
 
 
 def _threshold(text: str, what: str) -> float:
@@ -60,6 +65,17 @@ def _from_file(domain: Domain, text: str) -> Policy:
     if not text:
         raise PolicyError("alpha needs a file: alpha:FILE, as written by `harness solve`")
     return AlphaVectorPolicy(domain, read(Path(text), domain))
+
+
+def _program(domain: Domain, text: str) -> Policy:
+    if not text:
+        raise PolicyError("program needs a file: program:FILE, a script in the program language")
+    try:
+        source = Path(text).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise PolicyError(f"cannot read {text}: {why}") from None
+    return ProgramPolicy(parse(source, words_of(domain), source=text))
 
 
 def _solved(word: str) -> Callable[[Domain, str], Policy]:
@@ -95,26 +111,28 @@ _KINDS = (
         "rocksample",
     ),
     *(_Kind(word, f"alpha vectors solved by {word} in Julia", _solved(word)) for word in SOLVED),
-    _Kind("alpha", "alpha vectors of a file written by harness solve", _from_file),
+    _Kind("alpha", "alpha vectors of a file written by harness solve", _from_file, needs_file=True),
+    _Kind("program", "a script in the program language", _program, needs_file=True),
 )
 
 
 def _usable(domain: Domain) -> list[_Kind]:
-    """The kinds that can be used on a domain as they are, without a file."""
-    stored = [word for word in SOLVED if registry.policy_path(domain.name, word).exists()]
+    """The kinds that mean something on a domain, solved ones only where a solution is stored."""
     return [
-        kind for kind in _KINDS if kind.suits(domain) and (kind.word in stored or kind.word not in (*SOLVED, "alpha"))
+        kind
+        for kind in _KINDS
+        if kind.suits(domain) and (kind.word not in SOLVED or registry.policy_path(domain.name, kind.word).exists())
     ]
 
 
 def specs(domain: Domain) -> dict[str, str]:
     """Policy strings that mean something on a domain, each with what it does."""
-    return {kind.spec: kind.help for kind in _usable(domain)} | {"alpha:FILE": _KINDS[-1].help}
+    return {kind.spec: kind.help for kind in _usable(domain)}
 
 
 def default_specs(domain: Domain) -> list[str]:
     """The policies of the domain's baseline table."""
-    return [kind.spec for kind in _usable(domain)]
+    return [kind.spec for kind in _usable(domain) if not kind.needs_file]
 
 
 def make(spec: str, domain: Domain) -> tuple[str, Policy]:
@@ -132,7 +150,7 @@ def make(spec: str, domain: Domain) -> tuple[str, Policy]:
     kind = kinds[word]
     if not kind.suits(domain):
         raise PolicyError(f"policy '{word}' needs a {kind.layout} domain, {domain.name} is none (there: {known})")
-    if colon and not kind.argument and word != "alpha":
+    if colon and not kind.argument and not kind.needs_file:
         raise PolicyError(f"policy '{word}' takes no parameter, but '{spec}' gives one")
     argument = text if colon else kind.argument
     return (f"{word}:{argument}" if argument else word), kind.make(domain, argument)

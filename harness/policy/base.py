@@ -26,7 +26,11 @@ class Policy(Protocol):
         """Begin new episodes: ``batch`` shows them before the first step."""
 
     def act(self, batch: Batch) -> NDArray[Any]:
-        """Action indices (E,), whole numbers; those of ended episodes are ignored."""
+        """Action indices (E,), whole numbers; those of ended episodes are ignored.
+
+        −1 (:data:`harness.tables.STOP`) ends an episode's part in the evaluation where it stands: no more steps, no
+        more reward, no success. Whoever returns it must go on returning it for that episode.
+        """
 
 
 class Stateless:

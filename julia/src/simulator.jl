@@ -57,7 +57,7 @@ to Python; [`reset!`](@ref) and [`step!`](@ref) read and write them in place:
 | name | size | meaning |
 |:--|:--|:--|
 | `u` | E | read: uniform numbers, one gives next state and observation |
-| `actions` | E | read: 0-based action indices |
+| `actions` | E | read: 0-based action indices; −1 leaves the episode as it is |
 | `rewards` | E | reward of the last step, 0 for an episode that had ended |
 | `visible` | E | 0-based visible index |
 | `observation` | E | 0-based index of the last observation, −1 when there is none yet |
@@ -155,14 +155,14 @@ end
 """
     step!(sim)
 
-Advances every episode that has not ended by its action in `buffers.actions`.
+Advances every episode that has not ended by its action in `buffers.actions`; −1 leaves it as it is.
 """
 step!(sim::Simulator) = foreach_episode(step_episode!, sim)
 
 Base.@propagate_inbounds function step_episode!(sim, e, scratch)
     m, b = sim.model, sim.buffers
     b.rewards[e] = 0.0
-    b.done[e] && return nothing
+    (b.done[e] || b.actions[e] < 0) && return nothing
     s = sim.states[e]
     a = action_at(m, Int(b.actions[e]) + 1)
     sp, left = draw(transition(m, s, a), b.u[e], x -> stateindex(m, x))

@@ -1,0 +1,87 @@
+"""Programs as policies: a script in the language of :mod:`harness.program` (SPEC section 4)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.batch import Batch
+from harness.program import Program
+from harness.program.machine import next_action
+from harness.tables import STOP, Records, compiled
+
+_ENDED = -1  # instead of a place in the program
+
+
+class ProgramPolicy:
+    """Runs a program in every episode. At its end the policy stops, and with it the episode."""
+
+    def __init__(self, program: Program) -> None:
+        """``program``: compiled for the domain that it will run on."""
+        self.program = program
+        self.uses_belief = program.uses_belief
+
+    def reset(self, batch: Batch) -> None:
+        """All episodes begin at the top, with nothing checked."""
+        self._place = np.zeros(batch.size, dtype=np.int64)
+        self._registers = np.full((batch.size, len(self.program.words.checks)), -1, dtype=np.int32)
+        self._last = np.full(batch.size, STOP, dtype=np.int32)
+
+    def act(self, batch: Batch) -> NDArray[np.int32]:
+        """Run every episode's program up to its next operation."""
+        words = self.program.words
+        _act(
+            self.program.code,
+            self.program.loop,
+            words.register,
+            words.numbers,
+            batch.domain.visible_values,
+            batch.visible,
+            batch.observation,
+            batch.marginals,
+            batch.done,
+            self._place,
+            self._registers,
+            self._last,
+        )
+        return self._last
+
+
+@compiled
+def _act(
+    code: Records,
+    loop: bool,
+    register: NDArray[np.int16],
+    numbers: NDArray[np.float64],
+    visible_values: NDArray[np.int16],
+    visible: NDArray[np.int32],
+    observation: NDArray[np.int32],
+    marginals: NDArray[np.float64],
+    done: NDArray[np.bool_],
+    place: NDArray[np.int64],
+    registers: NDArray[np.int32],
+    last: NDArray[np.int32],
+) -> None:
+    """``last``: the actions of the step before; those of this step are written there."""
+    n = len(code)
+    for e in range(len(visible)):
+        if done[e] or place[e] == _ENDED:
+            continue
+        if last[e] != STOP and register[last[e]] >= 0:
+            registers[e, register[last[e]]] = observation[e]
+        last[e], place[e] = next_action(
+            code,
+            0,
+            n,
+            place[e],
+            loop,
+            marginals,
+            registers,
+            e,
+            observation[e],
+            numbers,
+            visible_values,
+            visible[e],
+        )
+        if last[e] == STOP:
+            place[e] = _ENDED

@@ -1,0 +1,172 @@
+"""Many programs on the same episodes: what evolution and the tuning of constants need.
+
+The embedded engine plays every episode of a program from start to end in one compiled loop; the random numbers, the
+starts and the first beliefs are made once for all programs. The returns are those that
+:func:`harness.evaluation.evaluate` gives for the same episodes, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness import rng
+from harness.domain import Domain
+from harness.engine.tables import TablesEngine
+from harness.evaluation import simulate
+from harness.policy.program import ProgramPolicy
+from harness.program import Program
+from harness.program.machine import next_action
+from harness.tables import STOP, Records, Tables, compiled, draw_outcome, draw_reading, row_of, update_belief
+
+
+class Episodes(NamedTuple):
+    """Which episodes to play: numbers ``first … first + size − 1`` of a seed, cut at the horizon."""
+
+    seed: int
+    first: int
+    size: int
+    horizon: int
+
+
+def play(
+    domain: Domain, programs: Sequence[Program], episodes: Episodes, engine: str = "tables", workers: int = 1
+) -> NDArray[np.float64]:
+    """Undiscounted returns of every program in every episode, of the domain's shaping; shape (programs, episodes).
+
+    Args:
+        domain: all programs must have been compiled for it.
+        programs: the programs.
+        episodes: which episodes; all programs meet the same random numbers.
+        engine: ``tables`` or ``julia``.
+        workers: threads of the tables engine; the numbers do not depend on it.
+    """
+    returns = np.zeros((len(programs), episodes.size))
+    if not programs:
+        return returns
+    if engine == "julia":
+        for row, program in zip(returns, programs, strict=True):
+            _play_in_lockstep(domain, program, episodes, row)
+        return returns
+    code = np.concatenate([program.code for program in programs])
+    last = np.cumsum([len(program.code) for program in programs])
+    first = last - [len(program.code) for program in programs]
+    loop = np.array([program.loop for program in programs])
+    believes = np.array([program.uses_belief for program in programs])
+    u = np.empty((episodes.size, episodes.horizon + 1))
+    for step in range(episodes.horizon + 1):
+        u[:, step] = rng.uniforms(episodes.seed, rng.ENGINE, step, episodes.first, episodes.size)
+    start = TablesEngine(domain, episodes.size, bool(believes.any()))
+    start.reset(u[:, 0])
+    words = programs[0].words
+
+    def run(chunk: slice) -> None:
+        _play(
+            domain.tables,
+            u,
+            start.visible,
+            start.values,
+            start.observation,
+            start.done,
+            start.marginals,
+            domain.visible_values,
+            words.register,
+            words.numbers,
+            len(words.checks),
+            code,
+            first[chunk],
+            last[chunk],
+            loop[chunk],
+            believes[chunk],
+            returns[chunk],
+        )
+
+    chunks = [slice(i, i + _CHUNK) for i in range(0, len(programs), _CHUNK)]
+    if workers == 1 or len(chunks) == 1:
+        for chunk in chunks:
+            run(chunk)
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(run, chunks))
+    return returns
+
+
+_CHUNK = 8  # programs a task: programs differ in length, so the threads take many small tasks
+
+
+def _play_in_lockstep(domain: Domain, program: Program, episodes: Episodes, returns: NDArray[np.float64]) -> None:
+    """The same through the engine contract, step by step."""
+    policy = ProgramPolicy(program)
+    for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
+        returns[record.active] += record.rewards[record.active]
+
+
+@compiled
+def _play(
+    t: Tables,
+    u: NDArray[np.float64],
+    start_visible: NDArray[np.int32],
+    start_values: NDArray[np.int16],
+    start_observation: NDArray[np.int32],
+    start_done: NDArray[np.bool_],
+    start_marginals: NDArray[np.float64],
+    visible_values: NDArray[np.int16],
+    register: NDArray[np.int16],
+    numbers: NDArray[np.float64],
+    n_registers: int,
+    code: Records,
+    firsts: NDArray[np.int64],
+    lasts: NDArray[np.int64],
+    loops: NDArray[np.bool_],
+    believes: NDArray[np.bool_],
+    returns: NDArray[np.float64],
+) -> None:
+    choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions
+    reading_cdf, reading_probability, factor_offset = t.reading_cdf, t.reading_probability, t.factor_offset
+    values = np.zeros((1, start_values.shape[1]), dtype=np.int16)
+    marginals = np.zeros((1, start_marginals.shape[1]))
+    registers = np.zeros((1, n_registers), dtype=np.int32)
+    scratch = np.zeros(max(1, np.diff(factor_offset).max() if len(factor_offset) > 1 else 1))
+    for p in range(len(firsts)):
+        first, last, loop, track = firsts[p], lasts[p], loops[p], believes[p]
+        for e in range(u.shape[0]):
+            v, o, done = start_visible[e], start_observation[e], start_done[e]
+            for k in range(values.shape[1]):
+                values[0, k] = start_values[e, k]
+            for k in range(n_registers):
+                registers[0, k] = -1
+            if track:
+                for j in range(marginals.shape[1]):
+                    marginals[0, j] = start_marginals[e, j]
+            place, total = 0, 0.0
+            step = 1
+            while step < u.shape[1] and not done:
+                a, place = next_action(
+                    code, first, last, place, loop, marginals, registers, 0, o, numbers, visible_values, v
+                )
+                if a == STOP:
+                    step = u.shape[1]
+                else:
+                    va = v * n_actions + a
+                    i, left = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), u[e, step])
+                    o = draw_reading(reading_cdf, outcomes[i].reading, left)
+                    k = choices[va].factor
+                    if k >= 0:
+                        values[0, k] = outcomes[i].value
+                    total += outcomes[i].reward
+                    v = outcomes[i].visible
+                    done = outcomes[i].ends
+                    if register[a] >= 0:
+                        registers[0, register[a]] = o
+                    if track and k >= 0:
+                        start = factor_offset[k]
+                        n = factor_offset[k + 1] - start
+                        update_belief(
+                            choices, rows, outcomes, reading_probability, va, v, o, marginals, 0, start, n, scratch
+                        )
+                    step += 1
+            returns[p, e] = total

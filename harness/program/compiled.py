@@ -1,0 +1,57 @@
+"""A compiled program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.program.printer import lines
+from harness.program.words import ACT, AGAIN, BELIEF, ELSE, IF, WHILE, Words
+from harness.tables import Records
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A compiled program (SPEC section 4)."""
+
+    words: Words
+    code: Records
+    """(n,) of :data:`harness.program.words.INSTRUCTION`; read-only."""
+    loop: bool
+    """Whether it starts again at the top until the episode ends."""
+
+    @cached_property
+    def text(self) -> str:
+        """The program, one statement a line; parsing it gives this program again."""
+        head = ["loop"] if self.loop else []
+        return "\n".join([*head, *lines(self.code, self.words)]) + "\n"
+
+    @cached_property
+    def length(self) -> int:
+        """Number of statements; an ``if`` or ``while`` over a single operation is one statement with it."""
+        op, jump = self.code["op"], self.code["jump"]
+        heads = np.flatnonzero((op == IF) | (op == WHILE))
+        single = op[heads + 1] == ACT
+        long = jump[heads] != 1
+        single[long] &= (jump[heads][long] == 2) & np.isin(op[heads[long] + 2], (ELSE, AGAIN))
+        return int((op == ACT).sum() + len(heads) - single.sum())
+
+    @property
+    def uses_belief(self) -> bool:
+        """Whether any test asks for the belief."""
+        return bool((self.code["op"] == BELIEF).any())
+
+    @property
+    def constants(self) -> NDArray[np.float64]:
+        """The numbers that belief features are compared with, in the order of the text."""
+        return self.code["value"][self.code["op"] == BELIEF].copy()
+
+    def with_constants(self, values: NDArray[np.float64]) -> Program:
+        """The same program with other :attr:`constants`."""
+        code = self.code.copy()
+        code["value"][code["op"] == BELIEF] = values
+        code.flags.writeable = False
+        return replace(self, code=code)

@@ -1,0 +1,277 @@
+"""Program text to compiled program."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+
+from harness.errors import PolicyError
+from harness.program.compiled import Program
+from harness.program.words import ACT, AGAIN, AND, ELSE, IF, INSTRUCTION, NOT, OR, WHILE, Words, instruction
+
+MAX_NESTING = 50
+"""Blocks and parentheses inside one another; the interpreter keeps pending truth values in the bits of one integer."""
+
+_CALL = r"[A-Za-z_][\w-]*[ \t]*\([\d,\s]*\)"
+_TEST = rf"(?:{_CALL}|\d+)\s*(?:==|<|>)\s*(?:\d+(?:\.\d+)?|\"[^\"\n]*\"|'[^'\n]*'|[A-Za-z_]\w*)"
+_SIMPLE = rf"(?:if\s*\(\s*{_TEST}\s*\)\s*)?{_CALL}(?!\s*(?:==|<|>|else\b))"
+_TOKEN = re.compile(
+    rf"(?P<blank>\s+|#[^\n]*)|(?P<simple>{_SIMPLE})|(?P<atom>{_TEST}|{_CALL}|\d+)|(?P<mark>[(){{}}])"
+    r"|(?P<word>[A-Za-z_][\w-]*)"
+)
+"""A whole operation, guarded by one test at most (``simple``), is one token: most programs are a list of these."""
+_STATEMENTS = re.compile(rf"\s*{_SIMPLE}")
+_PARTS = re.compile(rf"(?:if\s*\(\s*(?P<test>{_TEST})\s*\)\s*)?(?P<action>{_CALL})")
+_KEYWORDS = ("if", "else", "while", "and", "or", "not", "loop")
+
+
+class ProgramError(PolicyError):
+    """A program text is wrong; the message names the line and the column."""
+
+
+class _Token(NamedTuple):
+    kind: str
+    text: str
+    start: int
+
+
+def parse(text: str, words: Words, *, loop: bool = False, source: str = "program") -> Program:
+    """Compile a program text.
+
+    Args:
+        text: the program. A first word ``loop`` makes it start again at the top until the episode ends.
+        words: of the domain, see :func:`harness.program.words.words_of`.
+        loop: start again at the top even without that word.
+        source: what to call the text in error messages, such as a file's name.
+
+    Raises:
+        ProgramError: with line and column, in one sentence.
+    """
+    pieces = _statements(text, words, source)
+    if pieces is None:
+        return _Parser(text, words, source).program(loop)
+    return Program(words, np.frombuffer(b"".join(pieces), INSTRUCTION), loop)
+
+
+def _statements(text: str, words: Words, source: str) -> list[bytes] | None:
+    """The short cut for a plain list of simple statements that have been met before, or can be parsed by themselves."""
+    found = _STATEMENTS.findall(text)
+    if not found or sum(map(len, found)) != len(text.rstrip()):
+        return None
+    try:
+        return [words.statements[statement] for statement in found]
+    except KeyError:
+        pass
+    try:
+        for statement in found:
+            if statement not in words.statements:
+                words.statements[statement] = _Parser(statement, words, source).program(False).code.tobytes()
+    except ProgramError:
+        return None  # the whole text again, for the place of the error
+    return [words.statements[statement] for statement in found]
+
+
+class _Gap(NamedTuple):
+    piece: int
+    position: int
+    """Of the instruction in the program."""
+
+
+class _Parser:
+    """Recursive descent, emitting instructions as it goes."""
+
+    def __init__(self, text: str, words: Words, source: str) -> None:
+        self.text, self.words, self.source = text, words, source
+        self.pieces: list[bytes] = []
+        self.size = 0  # instructions in the pieces
+        self.nesting = 0
+        self.tokens = self._tokens()
+        self.next = 0
+
+    def _tokens(self) -> list[_Token]:
+        tokens, end = [], 0
+        for match in _TOKEN.finditer(self.text):
+            if match.start() != end:
+                break
+            end = match.end()
+            kind = match.lastgroup
+            if kind != "blank":
+                text = match.group()
+                tokens.append(_Token(kind if kind in ("simple", "atom") else text, text, match.start()))
+        if end != len(self.text):
+            self.fail(end, f"'{self.text[end]}' cannot stand here")
+        tokens.append(_Token("end", "the end", end))
+        return tokens
+
+    def fail(self, at: int, why: str) -> NoReturn:
+        line = self.text.count("\n", 0, at) + 1
+        column = at - self.text.rfind("\n", 0, at)
+        raise ProgramError(f"{self.source}, line {line}, column {column}: {why}")
+
+    def program(self, loop: bool) -> Program:
+        if self.tokens[0].kind == "loop":
+            loop = True
+            self.next = 1
+        if self.tokens[self.next].kind == "end":
+            self.fail(self.tokens[self.next].start, "the program has no statement; write at least one operation")
+        while self.tokens[self.next].kind != "end":
+            self.statement()
+        return Program(self.words, np.frombuffer(b"".join(self.pieces), INSTRUCTION), loop)
+
+    def statement(self) -> None:
+        token = self.tokens[self.next]
+        if token.kind == "simple":
+            self.next += 1
+            self.simple(token)
+        elif token.kind == "atom":
+            self.next += 1
+            self.emit(self.meaning(token.text, token.start, want_action=True))
+        elif token.kind == "if":
+            self.if_statement()
+        elif token.kind == "while":
+            self.while_statement()
+        elif token.kind == "{":
+            self.block()
+        elif token.kind == "else":
+            self.fail(token.start, "'else' has no 'if' before it")
+        elif token.kind == "loop":
+            self.fail(token.start, "'loop' can only be the first word of a program")
+        else:
+            self.expected("an operation, if, while or a block", token)
+
+    def simple(self, token: _Token) -> None:
+        """One operation, perhaps behind one test."""
+        packed = self.words.statements.get(token.text)
+        if packed is None:
+            parts = _PARTS.fullmatch(token.text)
+            assert parts is not None
+            packed = self.meaning(parts["action"], token.start + parts.start("action"), want_action=True)
+            if parts["test"] is not None:
+                test = self.meaning(parts["test"], token.start + parts.start("test"), want_action=False)
+                packed = test + instruction(IF, jump=1) + packed
+            self.words.statements[token.text] = packed
+        self.emit(packed)
+
+    def meaning(self, text: str, at: int, want_action: bool) -> bytes:
+        try:
+            packed = self.words.meaning(text)
+        except PolicyError as error:
+            self.fail(at, str(error))
+        is_action = packed[:2] == _ACT_BYTES
+        if want_action and not is_action:
+            self.fail(at, f"'{text}' is a condition; write if({text}) and an operation")
+        if not want_action and is_action:
+            self.fail(at, f"'{text}' is an operation, where a condition is needed")
+        return packed
+
+    def if_statement(self) -> None:
+        self.next += 1
+        self.deeper()
+        self.condition_in_parentheses()
+        head = self.placeholder()
+        self.statement()
+        if self.tokens[self.next].kind == "else":
+            self.next += 1
+            middle = self.placeholder()
+            self.fill(head, IF)
+            self.statement()
+            self.fill(middle, ELSE, arg=middle.position - head.position)
+        else:
+            self.fill(head, IF)
+        self.nesting -= 1
+
+    def while_statement(self) -> None:
+        self.next += 1
+        self.deeper()
+        start = self.size
+        self.condition_in_parentheses()
+        head = self.placeholder()
+        self.statement()
+        self.emit(instruction(AGAIN, jump=start - self.size - 1))
+        self.fill(head, WHILE)
+        self.nesting -= 1
+
+    def block(self) -> None:
+        opening = self.take("{")
+        self.deeper()
+        if self.tokens[self.next].kind == "}":
+            self.fail(opening.start, "the block is empty; put an operation between the braces")
+        while self.tokens[self.next].kind != "}":
+            if self.tokens[self.next].kind == "end":
+                self.fail(opening.start, "the block is never closed; a '}' is missing")
+            self.statement()
+        self.next += 1
+        self.nesting -= 1
+
+    def condition_in_parentheses(self) -> None:
+        self.take("(")
+        self.condition()
+        self.take(")")
+
+    def condition(self) -> None:
+        self.conjunction()
+        while self.tokens[self.next].kind == "or":
+            self.next += 1
+            self.conjunction()
+            self.emit(instruction(OR))
+
+    def conjunction(self) -> None:
+        self.negation()
+        while self.tokens[self.next].kind == "and":
+            self.next += 1
+            self.negation()
+            self.emit(instruction(AND))
+
+    def negation(self) -> None:
+        token = self.tokens[self.next]
+        self.deeper()
+        if token.kind == "not":
+            self.next += 1
+            self.negation()
+            self.emit(instruction(NOT))
+        elif token.kind == "(":
+            self.condition_in_parentheses()
+        elif token.kind in ("atom", "simple"):
+            self.next += 1
+            self.emit(self.meaning(token.text, token.start, want_action=False))
+        else:
+            self.expected("a condition", token)
+        self.nesting -= 1
+
+    def emit(self, packed: bytes) -> None:
+        self.pieces.append(packed)
+        self.size += len(packed) // INSTRUCTION.itemsize
+
+    def placeholder(self) -> _Gap:
+        """Room for a jump whose target is not known yet."""
+        gap = _Gap(len(self.pieces), self.size)
+        self.emit(bytes(INSTRUCTION.itemsize))
+        return gap
+
+    def fill(self, gap: _Gap, op: int, arg: int = 0) -> None:
+        """The jump leads to what comes next."""
+        self.pieces[gap.piece] = instruction(op, arg, jump=self.size - gap.position - 1)
+
+    def deeper(self) -> None:
+        self.nesting += 1
+        if self.nesting > MAX_NESTING:
+            self.fail(self.tokens[self.next].start, f"nested more than {MAX_NESTING} deep; take a part out")
+
+    def take(self, mark: str) -> _Token:
+        token = self.tokens[self.next]
+        if token.kind != mark:
+            self.expected(f"'{mark}'", token)
+        self.next += 1
+        return token
+
+    def expected(self, what: str, token: _Token) -> NoReturn:
+        found = token.text if token.kind == "end" else f"'{token.text}'"
+        hint = ""
+        if token.kind not in (*_KEYWORDS, *"(){}", "atom", "simple", "end"):
+            hint = f"; operations are written with parentheses, as in {next(iter(self.words.actions))}"
+        self.fail(token.start, f"{what} is expected here, not {found}{hint}")
+
+
+_ACT_BYTES = instruction(ACT)[:2]

@@ -1,0 +1,154 @@
+"""The words of the program language: what a domain lets a program say, and what each word compiles to."""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.domain import Domain
+from harness.errors import PolicyError, nearest
+
+ACT, IF, ELSE, WHILE, AGAIN, NOT, AND, OR, BELIEF, VISIBLE, READING, REGISTER = range(12)
+"""Operations; :mod:`harness.program.machine` says what each does."""
+
+BELOW, ABOVE, EQUAL = range(3)
+COMPARISONS = {"<": BELOW, ">": ABOVE, "==": EQUAL}
+"""Comparisons of BELIEF, VISIBLE and READING; REGISTER and labels know EQUAL only."""
+
+INSTRUCTION = np.dtype(
+    [("op", np.int16), ("compare", np.int16), ("arg", np.int32), ("jump", np.int64), ("value", "f8")]
+)
+_PACKED = struct.Struct("=hhiqd")
+
+
+def instruction(op: int, arg: int = 0, jump: int = 0, compare: int = 0, value: float = 0.0) -> bytes:
+    """One instruction as the bytes of :data:`INSTRUCTION`. Jumps are relative to the instruction after."""
+    return _PACKED.pack(op, compare, arg, jump, value)
+
+
+_TEST = re.compile(
+    r"(?P<left>.+?)\s*(?P<compare>==|<|>)\s*(?:(?P<number>\d+(?:\.\d+)?)|\"(?P<double>.*)\"|'(?P<single>.*)'|(?P<bare>\S+))",
+    re.DOTALL,
+)
+_CHECK = re.compile(r"check\((\d+)\)")
+_READING_WORDS = {"bordercross": "distance()"}
+
+
+@dataclass(frozen=True, eq=False)
+class Words:
+    """What programs may say on a domain (SPEC section 4). Arrays are what the compiled interpreter needs."""
+
+    domain: Domain
+    actions: dict[str, int]
+    """An operation and its action index: ``up()``, ``check(3)``."""
+    beliefs: dict[str, int]
+    """A belief feature and its column in the marginals: ``belief(3)``."""
+    visible: dict[str, int]
+    """A number of the visible part and its column in ``domain.visible_values``: ``x()``."""
+    reading: str
+    """The latest observation: ``distance()`` on BorderCross, ``reading()`` elsewhere."""
+    labels: dict[str, int]
+    """An observation's label and its index."""
+    checks: dict[str, int]
+    """``3`` in ``3 == "good"``, and the register that keeps the last reading of ``check(3)``."""
+    numbers: NDArray[np.float64]
+    """(O,) the observations' labels as numbers; NaN where a label is none."""
+    register: NDArray[np.int16]
+    """(A,) register that keeps an action's reading; −1 for none."""
+    statements: dict[str, bytes] = field(default_factory=dict, repr=False)
+    """Code of the simple statements that the parser has met."""
+    _known: dict[str, bytes] = field(default_factory=dict, repr=False)
+
+    def meaning(self, text: str) -> bytes:
+        """The instruction that an operation or a test compiles to.
+
+        Raises:
+            PolicyError: the domain does not know a word of it.
+        """
+        packed = self._known.get(text)
+        if packed is None:
+            packed = self._known[text] = self._compile(" ".join(text.split()))
+        return packed
+
+    def _compile(self, text: str) -> bytes:
+        test = _TEST.fullmatch(text)
+        if test is not None:
+            return self._test(test)
+        name = _tight(text)
+        if name in self.actions:
+            return instruction(ACT, self.actions[name])
+        if name in self.beliefs or name in self.visible or name == self.reading:
+            raise PolicyError(f"'{name}' is no operation: compare it, as in if({name} > …)")
+        raise PolicyError(self._unknown("operation", name, self.actions))
+
+    def _test(self, test: re.Match[str]) -> bytes:
+        left, compare = _tight(test["left"]), COMPARISONS[test["compare"]]
+        label = next((test[group] for group in ("double", "single", "bare") if test[group] is not None), None)
+        if left in self.checks:
+            return instruction(REGISTER, self.checks[left], compare=EQUAL, value=self._label(test, label))
+        if label is not None and left == self.reading:
+            return instruction(READING, 1, compare=EQUAL, value=self._label(test, label))
+        sources = {**dict.fromkeys(self.beliefs, BELIEF), **dict.fromkeys(self.visible, VISIBLE)}
+        if not np.isnan(self.numbers).all():
+            sources[self.reading] = READING
+        if left not in sources:
+            known = [*sources, *(f'{i} == "…"' for i in self.checks)]
+            raise PolicyError(self._unknown("quantity", left, known))
+        if test["number"] is None:
+            raise PolicyError(f"{left} is compared with a number, not with '{label}'")
+        column = {**self.beliefs, **self.visible}.get(left, 0)
+        return instruction(sources[left], column, compare=compare, value=float(test["number"]))
+
+    def _label(self, test: re.Match[str], label: str | None) -> float:
+        text = label if label is not None else test["number"]
+        if test["compare"] != "==":
+            raise PolicyError(f"a reading is compared by ==, not by {test['compare']}")
+        if text not in self.labels:
+            raise PolicyError(self._unknown("reading", text, self.labels))
+        return float(self.labels[text])
+
+    def _unknown(self, what: str, word: str, known: object) -> str:
+        words = list(known)  # type: ignore[call-overload]
+        shown = " ".join(words[:20]) + (" …" if len(words) > 20 else "")
+        return f"{self.domain.name} knows no {what} '{word}'{nearest(word, words)} (known: {shown})"
+
+
+def words_of(domain: Domain) -> Words:
+    """The words of a domain's actions, belief features, visible part and observations."""
+    actions = {}
+    for i, name in enumerate(domain.actions):
+        actions[_tight(name)] = i
+        if name.isidentifier():
+            actions[f"{name}()"] = i
+    checks = {m[1]: int(m[1]) for name in domain.actions if (m := _CHECK.fullmatch(_tight(name)))}
+    registers = {number: k for k, number in enumerate(checks)}
+    register = np.full(domain.n_actions, -1, dtype=np.int16)
+    for number, k in registers.items():
+        register[actions[f"check({number})"]] = k
+    return Words(
+        domain,
+        actions,
+        {name: int(column) for (name, _, _), column in zip(domain.features, domain.feature_columns, strict=True)},
+        {f"{name}()": i for i, name in enumerate(domain.visible_names)},
+        _READING_WORDS.get(domain.layout["kind"], "reading()"),
+        {label: i for i, label in enumerate(domain.observations)},
+        registers,
+        np.array([_number(label) for label in domain.observations]),
+        register,
+    )
+
+
+def _tight(text: str) -> str:
+    """Without blanks inside parentheses and around commas: ``check( 3 )`` is ``check(3)``."""
+    return re.sub(r"\s*([(),])\s*", r"\1", text).strip()
+
+
+def _number(label: str) -> float:
+    try:
+        return float(label)
+    except ValueError:
+        return float("nan")
