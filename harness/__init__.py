@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from harness.comparison import compare
     from harness.domain import Domain
     from harness.evaluation import Evaluation, Score, evaluate
+    from harness.ge.runs import evolve, resume
     from harness.policy import Policy
     from harness.registry import load, names
     from harness.show import replay
@@ -40,10 +41,12 @@ __all__ = [
     "check_domain",
     "compare",
     "evaluate",
+    "evolve",
     "from_model",
     "load",
     "names",
     "replay",
+    "resume",
 ]
 
 _HOME = {
@@ -56,10 +59,12 @@ _HOME = {
     "check_domain": "check",
     "compare": "comparison",
     "evaluate": "evaluation",
+    "evolve": "ge.runs",
     "from_model": "bridge",
     "load": "registry",
     "names": "registry",
     "replay": "show",
+    "resume": "ge.runs",
 }
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import files
 from harness.errors import SnapshotError
 
 FORMAT = 1
@@ -33,23 +32,14 @@ def digest(arrays: Mapping[str, NDArray[Any]], record: Any) -> str:
 
 
 def write(path: Path, kind: str, record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write an archive atomically: a temporary file in the same folder, then a rename."""
+    """Write an archive atomically."""
     stored = {"kind": kind, "format": FORMAT, **record}
     stored["content_hash"] = digest(arrays, stored)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, record=np.array(json.dumps(stored)), **arrays)  # type: ignore[arg-type]
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    files.replace(path, lambda file: np.savez_compressed(file, record=np.array(json.dumps(stored)), **arrays))  # type: ignore[arg-type]
 
 
-def read(path: Path, kind: str) -> tuple[dict[str, Any], Arrays]:
-    """Record and arrays of an archive of the given kind.
+def read(path: Path, kind: str, mend: str = "export it again") -> tuple[dict[str, Any], Arrays]:
+    """Record and arrays of an archive of the given kind; ``mend`` is what error messages tell the user to do.
 
     Raises:
         SnapshotError: the file is missing, truncated, changed by hand, or not of this kind or format.
@@ -62,16 +52,16 @@ def read(path: Path, kind: str) -> tuple[dict[str, Any], Arrays]:
         raise SnapshotError(f"{path}: no such file") from None
     except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error):
         raise SnapshotError(
-            f"{path}: not a readable {kind} file (truncated, or not made by this harness); export it again"
+            f"{path}: not a readable {kind} file (truncated, or not made by this harness); {mend}"
         ) from None
     if not isinstance(record, dict) or record.get("kind") != kind:
         found = record.get("kind") if isinstance(record, dict) else None
         raise SnapshotError(f"{path}: this is a file of kind '{found}', a '{kind}' is needed here")
     if record.get("format") != FORMAT:
         raise SnapshotError(
-            f"{path}: written in format {record.get('format')}, this harness reads format {FORMAT}; export it again"
+            f"{path}: written in format {record.get('format')}, this harness reads format {FORMAT}; {mend}"
         )
     claimed = record.pop("content_hash", None)
     if digest(arrays, record) != claimed:
-        raise SnapshotError(f"{path}: contents do not match their hash (damaged or changed by hand); export it again")
+        raise SnapshotError(f"{path}: contents do not match their hash (damaged or changed by hand); {mend}")
     return record, arrays

@@ -33,10 +33,19 @@ class Episodes(NamedTuple):
     horizon: int
 
 
+class Played(NamedTuple):
+    """What became of P programs in E episodes."""
+
+    returns: NDArray[np.float64]
+    """(P, E) undiscounted, of the domain's shaping."""
+    steps: NDArray[np.int64]
+    """(P,) environment steps in all episodes together."""
+
+
 def play(
     domain: Domain, programs: Sequence[Program], episodes: Episodes, engine: str = "tables", workers: int = 1
-) -> NDArray[np.float64]:
-    """Undiscounted returns of every program in every episode, of the domain's shaping; shape (programs, episodes).
+) -> Played:
+    """Play every program in every episode.
 
     Args:
         domain: all programs must have been compiled for it.
@@ -45,13 +54,18 @@ def play(
         engine: ``tables`` or ``julia``.
         workers: threads of the tables engine; the numbers do not depend on it.
     """
-    returns = np.zeros((len(programs), episodes.size))
-    if not programs:
-        return returns
+    played = Played(np.zeros((len(programs), episodes.size)), np.zeros(len(programs), dtype=np.int64))
     if engine == "julia":
-        for row, program in zip(returns, programs, strict=True):
-            _play_in_lockstep(domain, program, episodes, row)
-        return returns
+        for p, program in enumerate(programs):
+            played.steps[p] = _play_in_lockstep(domain, program, episodes, played.returns[p])
+    elif programs:
+        _play_compiled(domain, programs, episodes, workers, played)
+    return played
+
+
+def _play_compiled(
+    domain: Domain, programs: Sequence[Program], episodes: Episodes, workers: int, played: Played
+) -> None:
     code = np.concatenate([program.code for program in programs])
     last = np.cumsum([len(program.code) for program in programs])
     first = last - [len(program.code) for program in programs]
@@ -82,7 +96,8 @@ def play(
             last[chunk],
             loop[chunk],
             believes[chunk],
-            returns[chunk],
+            played.returns[chunk],
+            played.steps[chunk],
         )
 
     chunks = [slice(i, i + _CHUNK) for i in range(0, len(programs), _CHUNK)]
@@ -92,17 +107,19 @@ def play(
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(run, chunks))
-    return returns
 
 
-_CHUNK = 8  # programs a task: programs differ in length, so the threads take many small tasks
+_CHUNK = 16  # programs a task: programs differ in length, so the threads take several small tasks
 
 
-def _play_in_lockstep(domain: Domain, program: Program, episodes: Episodes, returns: NDArray[np.float64]) -> None:
-    """The same through the engine contract, step by step."""
-    policy = ProgramPolicy(program)
+def _play_in_lockstep(domain: Domain, program: Program, episodes: Episodes, returns: NDArray[np.float64]) -> int:
+    """The same through the engine contract, step by step; the number of environment steps."""
+    policy, steps = ProgramPolicy(program), 0
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
-        returns[record.active] += record.rewards[record.active]
+        if record.actions is not None:
+            returns[record.active] += record.rewards[record.active]
+            steps += int(record.active.sum())
+    return steps
 
 
 @compiled
@@ -124,6 +141,7 @@ def _play(
     loops: NDArray[np.bool_],
     believes: NDArray[np.bool_],
     returns: NDArray[np.float64],
+    steps: NDArray[np.int64],
 ) -> None:
     choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions
     reading_cdf, reading_probability, factor_offset = t.reading_cdf, t.reading_probability, t.factor_offset
@@ -158,6 +176,7 @@ def _play(
                     if k >= 0:
                         values[0, k] = outcomes[i].value
                     total += outcomes[i].reward
+                    steps[p] += 1
                     v = outcomes[i].visible
                     done = outcomes[i].ends
                     if register[a] >= 0:

@@ -51,3 +51,14 @@ def snapshot_path(name: str) -> Path:
 def policy_path(domain_name: str, policy: str) -> Path:
     """Where a solved policy of a named domain lies in the package."""
     return DATA / "policies" / domain_name / f"{policy}.npz"
+
+
+def program_path(domain_name: str, policy: str) -> Path:
+    """Where an evolved program of a named domain lies in the package."""
+    return DATA / "programs" / domain_name / f"{policy}.json"
+
+
+def grammar_path(name: str) -> Path:
+    """Where a grammar that ships with the package lies: in a checkout beside the package, in a wheel inside it."""
+    checkout = DATA.parent.parent / "grammars"
+    return (checkout if checkout.is_dir() else DATA / "grammars") / f"{name}.bnf"

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-ENGINE, POLICY = 0, 1
-"""Streams: the engine's (next states, observations), and the policies' own, which no policy choice can mix."""
+ENGINE, POLICY, VARIATION = 0, 1, 1 << 20
+"""Streams: the engine's (next states, observations), the policies' own, which no policy choice can mix (POLICY and
+up), and the variation of an evolutionary search."""
 
 TRAINING = 1 << 62
 """Added to the seed of episodes that a search (evolution, tuning) selects by: far from the seeds people score with."""
@@ -29,3 +30,8 @@ def uniforms(seed: int, stream: int, step: int, first: int, count: int) -> NDArr
     bits.advance(first // _BLOCK)
     skip = first % _BLOCK
     return np.random.Generator(bits).random(skip + count)[skip:]
+
+
+def generator(seed: int, stream: int, step: int) -> np.random.Generator:
+    """A generator for whatever a step needs; it depends on nothing that was drawn before."""
+    return np.random.Generator(np.random.Philox(key=[seed, (stream << 32) | step]))

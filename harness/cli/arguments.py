@@ -8,9 +8,11 @@ from pathlib import Path
 from harness.errors import HarnessError
 
 
-def domain_argument(parser: argparse.ArgumentParser) -> None:
+def domain_argument(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
     """The positional argument DOMAIN."""
-    parser.add_argument("domain", metavar="DOMAIN", help="a named domain, a snapshot (.npz) or a Julia file (.jl)")
+    parser.add_argument(
+        "domain", nargs=nargs, metavar="DOMAIN", help="a named domain, a snapshot (.npz) or a Julia file (.jl)"
+    )
 
 
 def episode_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from harness.batch import Batch
 from harness.domain import Domain
 from harness.policy.base import Stateless
+from harness.splitmix import next_uniform
 from harness.tables import Records, Tables, compiled, draw_outcome, inlined, row_of
 
 SIMULATIONS_DEFAULT = 100
@@ -44,16 +45,6 @@ class RolloutPolicy(Stateless):
 
 
 @inlined
-def _next(state: NDArray[np.uint64]) -> float:
-    """SplitMix64 (Steele, Lea and Flood 2014): a uniform number in [0, 1) from a one-element state."""
-    state[0] += np.uint64(0x9E3779B97F4A7C15)
-    z = state[0]
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return np.float64((z ^ (z >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
-
-
-@inlined
 def _draw_hidden(
     factor_offset: NDArray[np.int64],
     marginals: NDArray[np.float64],
@@ -64,7 +55,7 @@ def _draw_hidden(
     """Values of all factors from the belief of episode ``e``, into ``hidden[0]``."""
     for k in range(len(factor_offset) - 1):
         first = factor_offset[k]
-        u = _next(state)
+        u = next_uniform(state)
         total = 0.0
         for x in range(factor_offset[k + 1] - first):
             if marginals[e, first + x] > 0.0:
@@ -80,7 +71,7 @@ def _random_legal(
 ) -> int:
     """Uniform over the actions that are legal in the simulated state."""
     while True:  # rejection: nearly all actions are legal nearly everywhere, and one always is
-        a = int(_next(state) * n_actions)
+        a = int(next_uniform(state) * n_actions)
         if rows[row_of(choices, v * n_actions + a, values, 0)].legal:
             return a
 
@@ -102,7 +93,7 @@ def _simulate(
     total, weight = 0.0, 1.0
     for _ in range(horizon):
         va = v * n_actions + a
-        i, _ = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), _next(state))
+        i, _ = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), next_uniform(state))
         k = choices[va].factor
         if k >= 0:
             values[0, k] = outcomes[i].value

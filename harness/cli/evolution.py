@@ -1,0 +1,113 @@
+"""``evolve``: grammatical evolution."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from harness.cli.arguments import natural, positive
+from harness.errors import HarnessError
+from harness.ge.parameters import Parameters
+
+_KINDS = {int: natural, float: float, str: str}
+
+
+def register(commands: Any) -> None:
+    """Add the command to the parser."""
+    evolve = commands.add_parser("evolve", help="evolve a program by grammatical evolution")
+    evolve.add_argument(
+        "domain", nargs="?", metavar="DOMAIN", help="a named domain, a snapshot (.npz) or a Julia file (.jl)"
+    )
+    evolve.add_argument("--grammar", metavar="FILE", help="a BNF file or a shipped grammar (default: the paper's)")
+    evolve.add_argument("--out", type=Path, metavar="DIR", help="folder for the run's files, needed for a new run")
+    evolve.add_argument("--resume", type=Path, metavar="DIR", help="go on with a run (with --generations: for longer)")
+    evolve.add_argument(
+        "--runs", type=positive, default=1, metavar="K", help="independent runs, with seeds from --seed on"
+    )
+    evolve.add_argument("--engine", help="auto, tables or julia (default auto)")
+    evolve.add_argument("--workers", type=positive, metavar="N", help="threads of one run, processes of many")
+    evolve.add_argument("--backend", default="loky", help="of many runs, as joblib calls it (default loky: processes)")
+    group = evolve.add_argument_group("parameters of the run (defaults: the paper's Table 2 where it gives one)")
+    for f in fields(Parameters):
+        option, help_text = f"--{f.name.replace('_', '-')}", f.metadata["help"]
+        if isinstance(f.default, bool):
+            group.add_argument(option, action="store_true", default=None, help=help_text)
+            continue
+        choices = f" ({', '.join(f.metadata['choices'])})" if f.metadata["choices"] else ""
+        kind = _KINDS[type(f.default)]
+        metavar = "WORD" if kind is str else "N"
+        group.add_argument(option, type=kind, metavar=metavar, help=f"{help_text}{choices}; default {f.default}")
+    evolve.set_defaults(run=_evolve)
+
+
+def _evolve(options: argparse.Namespace) -> None:
+    from harness.ge import runs
+    from harness.ge.results import Evolution
+
+    given = {f.name: value for f in fields(Parameters) if (value := getattr(options, f.name)) is not None}
+    execution = {"workers": options.workers, "backend": options.backend, "progress": True}
+    folder = options.resume or options.out
+    try:
+        if options.resume:
+            _refuse_changes(options, given)
+            result = runs.resume(options.resume, generations=given.get("generations"), **execution)
+        else:
+            if options.domain is None or options.out is None:
+                raise HarnessError("evolve needs a DOMAIN and --out DIR for the run's files, or --resume DIR")
+            result = runs.evolve(
+                options.domain,
+                options.grammar,
+                runs=options.runs,
+                out=options.out,
+                engine=options.engine or "auto",
+                **execution,
+                **given,
+            )
+    except KeyboardInterrupt:
+        if (folder / "config.json").exists() or any(folder.glob("*/config.json")):
+            print(f"stopped; go on with: harness evolve --resume {folder}")
+        raise
+    if isinstance(result, Evolution):
+        _report_one(result, folder)
+    else:
+        _report_many(result, folder)
+
+
+def _refuse_changes(options: argparse.Namespace, given: dict[str, Any]) -> None:
+    changed = [name for name in given if name != "generations"]
+    changed += [name for name in ("domain", "grammar", "out", "engine") if getattr(options, name) is not None]
+    changed += ["runs"] if options.runs != 1 else []
+    if changed:
+        raise HarnessError(
+            f"--resume goes on with what {options.resume} was told; {changed[0].replace('_', '-')} cannot be changed "
+            f"(only --generations, --workers and --backend can)"
+        )
+
+
+def _report_one(result: Any, folder: Path) -> None:
+    best, p = result.best, result.parameters
+    score = best.score
+    print(best.text)
+    print(f"fitness in the last generation   {best.fitness:9.2f}   (chosen by these {p.episodes} episodes: lucky)")
+    print(f"fitness among the finalists      {best.validation:9.2f}   ({p.validation_episodes:,} other episodes)")
+    more = f"discounted {score.discounted_mean:.2f} ± {score.discounted_sem:.2f}, success {score.success_rate:.1%}"
+    print(
+        f"return on fresh episodes         {score.mean:9.2f} ± {score.sem:.2f}   ({score.episodes:,} episodes; {more})"
+    )
+    print(f"\n{folder}: history.csv, best.txt, best.json, finalists.csv")
+    print(f"score it: harness compare {result.domain} --policy program:{folder / 'best.txt'}")
+
+
+def _report_many(result: Any, folder: Path) -> None:
+    from tabulate import tabulate
+
+    shown = ["seed", "fitness", "validation", "mean", "sem", "discounted_mean", "success_rate", "length"]
+    print(tabulate(result.table[shown].to_dict("list"), headers="keys", floatfmt=".2f"))
+    low, middle, high = result.table["mean"].quantile([0.25, 0.5, 0.75])
+    print(
+        f"\nreturn on fresh episodes (mean): median {middle:.2f}, quartiles {low:.2f} and {high:.2f} over "
+        f"{len(result.runs)} runs"
+    )
+    print(f"{folder}: runs.csv, curve.csv, and a folder for each run")

@@ -1,0 +1,64 @@
+"""The grammar that a domain is searched with when none is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness import registry
+from harness.domain import Domain
+from harness.errors import HarnessError, nearest
+from harness.ge import grammar as bnf
+from harness.ge.grammar import Grammar
+from harness.program import words_of
+
+
+def grammar_for(domain: Domain, name: str | Path | None) -> Grammar:
+    """A grammar by its file, by the name of a shipped one, or by default.
+
+    The default is the paper's grammar of the domain where it has one (eight rocks for RockSample), else a grammar of
+    the paper's form with the domain's own words.
+
+    Raises:
+        GrammarError: the file is no usable grammar.
+        HarnessError: there is no such file.
+    """
+    if name is None:
+        shipped = _SHIPPED.get(domain.layout["kind"])
+        if shipped is None or (shipped == "rocksample" and len(domain.features) != 8):
+            return bnf.parse(_of_words(domain), f"grammar of {domain.name}")
+        return bnf.read(registry.grammar_path(shipped))
+    path = Path(name)
+    if path.suffix == ".bnf" or path.exists():
+        return bnf.read(path)
+    folder = registry.grammar_path("").parent
+    known = sorted(p.stem for p in folder.glob("*.bnf"))
+    if str(name) not in known:
+        raise HarnessError(f"no grammar '{name}'{nearest(str(name), known)} (known: {', '.join(known)}; or a BNF file)")
+    return bnf.read(registry.grammar_path(str(name)))
+
+
+_SHIPPED = {"rocksample": "rocksample", "bordercross": "bordercross"}
+
+
+def _of_words(domain: Domain) -> str:
+    """Operations, and conditions over one belief or the last reading, as in the paper's Algorithm 1."""
+    words = words_of(domain)
+    labels = [label for label in words.labels if label != "none"]
+    tests = [f"'{words.reading} == \"'<label>'\"'"]
+    if words.beliefs:
+        tests.append("<belief> '>' 0.<digit><digit>")
+    spelled = {index: name for name, index in words.actions.items()}
+    rules = {
+        "code": ["<line>", "<code> <line>"],
+        "line": ["<op>", "if(<condition>) <op>"],
+        "condition": tests,
+        "label": [_quoted(label) for label in labels],
+        "op": [_quoted(name) for name in spelled.values()],
+    }
+    if words.beliefs:
+        rules |= {"belief": [_quoted(name) for name in words.beliefs], "digit": [str(d) for d in range(10)]}
+    return "".join(f"<{name}> ::= {' | '.join(alternatives)}\n" for name, alternatives in rules.items())
+
+
+def _quoted(text: str) -> str:
+    return f'"{text}"'

@@ -1,0 +1,257 @@
+"""Grammars in Backus-Naur form: the reader, and what mapping and initialisation need to know of a grammar.
+
+The dialect is the one that GE systems share: ``<name> ::= alternative | alternative``, on as many lines as wanted, the
+first rule being the start symbol. Terminals stand as they are or in quotes, which are left out; ``#`` begins a comment.
+Blanks around an alternative do not count; inside one, any run of blanks and line ends is one blank.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import HarnessError, nearest
+
+_NAME = r"<[^<>|\s]+>"
+_TOKEN = re.compile(
+    rf"(?P<head>{_NAME}\s*::=)|(?P<name>{_NAME})|(?P<bar>\|)|(?P<quoted>\"[^\"\n]*\"|'[^'\n]*')|(?P<comment>#[^\n]*)"
+    r"|(?P<blank>\s+)|(?P<wrong>::=|[\"']|<(?=[A-Za-z_]))|(?P<text>[^\s<|\"'#:]+|<|:)"
+)
+
+
+class GrammarError(HarnessError):
+    """A grammar is wrong; the message names the file, the line and the column."""
+
+
+class Production(NamedTuple):
+    """One alternative of a rule."""
+
+    rule: int
+    symbols: tuple[int, ...]
+    """Rule indices (0 and up) and terminals (``~index``, below 0), from left to right."""
+    line: int
+    """Of the file, 1-based."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grammar:
+    """A context-free grammar. R rules, P productions (alternatives), rule by rule."""
+
+    source: str
+    """The file's name, for messages."""
+    text: str
+    rules: tuple[str, ...]
+    """Non-terminals with their angle brackets; the first is the start symbol."""
+    terminals: tuple[str, ...]
+    productions: tuple[Production, ...]
+
+    @cached_property
+    def arrays(self) -> GrammarArrays:
+        """The grammar as compiled code takes it."""
+        rule_first = np.searchsorted([p.rule for p in self.productions], np.arange(len(self.rules) + 1))
+        lengths = [len(p.symbols) for p in self.productions]
+        return GrammarArrays(
+            rule_first.astype(np.int32),
+            np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32),
+            np.array([s for p in self.productions for s in p.symbols], dtype=np.int32),
+            self._depths.astype(np.int32),
+            self._recursive,
+        )
+
+    @cached_property
+    def lists(self) -> dict[int, list[int]]:
+        """Of each rule that is a list, such as <a> ::= <b> | <a> <b>: the productions that hold the rule itself."""
+        found: dict[int, list[int]] = {}
+        for i, p in enumerate(self.productions):
+            if p.rule in p.symbols:
+                found.setdefault(p.rule, []).append(i)
+        return found
+
+    @cached_property
+    def _depths(self) -> NDArray[np.float64]:
+        """(P,) fewest levels of a derivation tree under each production; infinite where it has no end."""
+        productions, rule = np.full(len(self.productions), np.inf), np.full(len(self.rules), np.inf)
+        for _ in range(len(self.rules) + 1):  # a shortest derivation passes no rule twice on its way down
+            for i, p in enumerate(self.productions):
+                productions[i] = 1 + max((rule[s] for s in p.symbols if s >= 0), default=0)
+                rule[p.rule] = min(rule[p.rule], productions[i])
+        return productions
+
+    @cached_property
+    def _recursive(self) -> NDArray[np.bool_]:
+        """(P,) whether a production can lead back to its own rule."""
+        reach = np.zeros((len(self.rules), len(self.rules)), dtype=np.bool_)
+        for p in self.productions:
+            reach[p.rule, [s for s in p.symbols if s >= 0]] = True
+        for k in range(len(self.rules)):
+            reach |= reach[:, [k]] & reach[[k], :]
+        return np.array([any(s == p.rule or reach[s, p.rule] for s in p.symbols if s >= 0) for p in self.productions])
+
+
+class GrammarArrays(NamedTuple):
+    """A grammar for compiled code."""
+
+    rule_first: NDArray[np.int32]
+    """(R + 1,) first production of each rule."""
+    production_first: NDArray[np.int32]
+    """(P + 1,) first symbol of each production."""
+    symbols: NDArray[np.int32]
+    """Symbols of all productions: rules 0 and up, terminals ``~index``."""
+    depth: NDArray[np.int32]
+    """(P,) fewest levels of a derivation tree under a production, its own included."""
+    recursive: NDArray[np.bool_]
+    """(P,) whether a production can lead back to its own rule."""
+
+
+def read(path: Path) -> Grammar:
+    """Read a BNF file.
+
+    Raises:
+        GrammarError: the file cannot be read or is no usable grammar.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise GrammarError(f"cannot read the grammar {path}: {why}") from None
+    return parse(text, str(path))
+
+
+def parse(text: str, source: str = "grammar") -> Grammar:
+    """The grammar that a BNF text defines.
+
+    Raises:
+        GrammarError: a stray character, an undefined, unreachable, repeated or endless rule; with its place.
+    """
+    return _Reader(text, source).grammar()
+
+
+class _Symbol(NamedTuple):
+    text: str
+    is_rule: bool
+    at: int
+
+
+class _Rule(NamedTuple):
+    at: int
+    alternatives: list[list[_Symbol]]
+
+
+class _Reader:
+    def __init__(self, text: str, source: str) -> None:
+        self.text, self.source = text, source
+        self.rules: dict[str, _Rule] = {}
+
+    def fail(self, at: int, why: str) -> NoReturn:
+        column = at - self.text.rfind("\n", 0, at)
+        raise GrammarError(f"{self.source}, line {self.line(at)}, column {column}: {why}")
+
+    def line(self, at: int) -> int:
+        return self.text.count("\n", 0, at) + 1
+
+    def grammar(self) -> Grammar:
+        self.read_rules()
+        if not self.rules:
+            self.fail(len(self.text), "there is no rule; write <code> ::= … first")
+        self.check_alternatives()
+        self.check_names()
+        index = {name: i for i, name in enumerate(self.rules)}
+        terminals: dict[str, int] = {}
+        productions = []
+        for name, rule in self.rules.items():
+            for alternative in rule.alternatives:
+                symbols = [
+                    index[s.text] if s.is_rule else ~terminals.setdefault(s.text, len(terminals)) for s in alternative
+                ]
+                productions.append(Production(index[name], tuple(symbols), self.line(alternative[0].at)))
+        grammar = Grammar(self.source, self.text, tuple(self.rules), tuple(terminals), tuple(productions))
+        self.check_ends(grammar)
+        return grammar
+
+    def read_rules(self) -> None:
+        rule: _Rule | None = None
+        blank_before = False
+        for match in _TOKEN.finditer(self.text):
+            kind, found, at = match.lastgroup, match.group(), match.start()
+            if kind in ("comment", "blank"):
+                blank_before = True
+                continue
+            if kind == "wrong":
+                self.stray(found, at)
+            if kind == "head":
+                rule = self.new_rule(found[:-3].rstrip(), at)
+            elif rule is None:
+                self.fail(at, f"'{found}' stands before the first rule; a rule begins with <name> ::=")
+            elif kind == "bar":
+                rule.alternatives.append([])
+            else:
+                self.add_symbol(rule.alternatives[-1], kind or "", found, at, blank_before)
+            blank_before = False
+
+    def new_rule(self, name: str, at: int) -> _Rule:
+        if name in self.rules:
+            self.fail(
+                at, f"{name} is defined in line {self.line(self.rules[name].at)} already; join the two rules with '|'"
+            )
+        self.rules[name] = _Rule(at, [[]])
+        return self.rules[name]
+
+    def add_symbol(self, alternative: list[_Symbol], kind: str, found: str, at: int, blank_before: bool) -> None:
+        text = " " if blank_before and alternative else ""
+        if kind != "name":
+            text += found[1:-1] if kind == "quoted" else found
+        if text and alternative and not alternative[-1].is_rule:
+            last = alternative.pop()
+            alternative.append(_Symbol(last.text + text, False, last.at))
+        elif text or kind == "quoted":
+            alternative.append(_Symbol(text, False, at))
+        if kind == "name":
+            alternative.append(_Symbol(found, True, at))
+
+    def stray(self, found: str, at: int) -> NoReturn:
+        if found == "::=":
+            self.fail(at, "'::=' without a <name> before it; a rule begins with <name> ::=")
+        if found == "<":
+            word = self.text[at:].split()[0]
+            self.fail(at, f"'{word}' is not closed; write a non-terminal as <name>, or put the sign in quotes")
+        self.fail(at, f"the quote {found} is not closed on its line; close it, or put it into quotes of the other kind")
+
+    def check_alternatives(self) -> None:
+        for name, rule in self.rules.items():
+            for alternative in rule.alternatives:
+                if not alternative:
+                    self.fail(rule.at, f"{name} has an empty alternative; take the '|' away, or write \"\" for nothing")
+
+    def check_names(self) -> None:
+        """Every name that is used is defined, and every rule can be reached from the first."""
+        used = {
+            name: {s.text: s.at for a in rule.alternatives for s in a if s.is_rule} for name, rule in self.rules.items()
+        }
+        for names in used.values():
+            for name, at in names.items():
+                if name not in self.rules:
+                    self.fail(at, f"{name} is not defined{nearest(name, self.rules)}; add a rule {name} ::= …")
+        start = next(iter(self.rules))
+        reached, waiting = {start}, [start]
+        while waiting:
+            new = used[waiting.pop()].keys() - reached
+            reached |= new
+            waiting.extend(new)
+        for name, rule in self.rules.items():
+            if name not in reached:
+                self.fail(rule.at, f"{name} cannot be reached from {start}; use it in a rule, or delete it")
+
+    def check_ends(self, grammar: Grammar) -> None:
+        for i, name in enumerate(grammar.rules):
+            depths = [d for d, p in zip(grammar._depths, grammar.productions, strict=True) if p.rule == i]
+            if not np.isfinite(depths).any():
+                self.fail(
+                    self.rules[name].at,
+                    f"{name} has no finite derivation; add an alternative that does not lead back to it",
+                )

@@ -1,0 +1,141 @@
+"""The evolutionary loop: a population in, a population out, generation by generation.
+
+It knows grammars and codons and nothing of POMDPs: a fitness is any function of phenotypes. Everything random in a
+generation depends on (seed, generation) alone, so that a run can go on from any population as if never stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness import rng as streams
+from harness.ge.grammar import Grammar
+from harness.ge.initialisation import METHODS
+from harness.ge.mapping import Codons, derive
+from harness.ge.operators import CROSSOVERS, MUTATIONS, Parent, tournament
+from harness.ge.parameters import Parameters
+
+
+class Evaluated(NamedTuple):
+    """Fitness of phenotypes."""
+
+    fitness: NDArray[np.float64]
+    """One number a phenotype, higher is better."""
+    behaviours: int
+    """How many of them behave differently."""
+    cost: int
+    """What the evaluation cost, such as environment steps."""
+
+
+Fitness = Callable[[Sequence[str], int], Evaluated]
+"""(different phenotypes, generation) -> their fitness. The same arguments must give the same numbers."""
+
+
+class Generation(NamedTuple):
+    """A population after its evaluation."""
+
+    number: int
+    individuals: list[Parent]
+    fitness: NDArray[np.float64]
+    """−inf for invalid individuals."""
+    behaviours: int
+    cost: int
+    """Of all evaluations since the generation before."""
+
+    def best(self) -> str | None:
+        """Phenotype of the fittest individual; None when all are invalid."""
+        return self.individuals[int(self.fitness.argmax())].derivation.phenotype
+
+
+def first_population(grammar: Grammar, p: Parameters) -> list[Codons]:
+    """The population of generation 0."""
+    rng = _generator(p, 0)
+    return METHODS[p.initialisation](grammar, p.population, p.max_init_depth, p.codon_size, p.tail, rng)
+
+
+def evolve(
+    grammar: Grammar, p: Parameters, fitness: Fitness, population: Sequence[Codons], start: int = 0
+) -> Iterator[Generation]:
+    """Yield every evaluated generation from ``start``, whose population is given, to ``p.generations``.
+
+    In the generational scheme the elites and the children of selected parents replace everybody; elites are
+    evaluated anew like the others, so that a lucky fitness does not last. In the steady-state scheme two children at
+    a time replace the two worst, if they are better.
+    """
+    generation = _evaluate(grammar, p, fitness, population, start)
+    while True:
+        yield generation
+        if generation.number >= p.generations:
+            return
+        cost = 0
+        if p.replacement == "steady-state":
+            population, cost = _steady_state(grammar, p, fitness, generation)
+        else:
+            population = next_population(grammar, p, generation)
+        generation = _evaluate(grammar, p, fitness, population, generation.number + 1)
+        generation = generation._replace(cost=generation.cost + cost)
+
+
+def next_population(grammar: Grammar, p: Parameters, generation: Generation) -> list[Codons]:
+    """Elites, and children of parents that won tournaments."""
+    rng = _generator(p, generation.number + 1)
+    order = np.argsort(-generation.fitness, kind="stable")
+    population = [generation.individuals[i].codons for i in order[: p.elites]]
+    parents = tournament(generation.fitness, p.tournament, p.population + p.population % 2, rng)
+    for i, j in parents.reshape(-1, 2):
+        population += _children(grammar, p, generation.individuals[i], generation.individuals[j], rng)
+    return population[: p.population]
+
+
+def _steady_state(
+    grammar: Grammar, p: Parameters, fitness: Fitness, generation: Generation
+) -> tuple[list[Codons], int]:
+    """As many children as there are individuals, two at a time, all judged by the generation's episodes; and the cost
+    of judging them."""
+    rng = _generator(p, generation.number + 1)
+    individuals, scores = list(generation.individuals), generation.fitness.copy()
+    cost = 0
+    for _ in range(p.population // 2):
+        i, j = tournament(scores, p.tournament, 2, rng)
+        children = _children(grammar, p, individuals[i], individuals[j], rng)
+        born = _evaluate(grammar, p, fitness, children, generation.number)
+        cost += born.cost
+        worst = np.argsort(scores, kind="stable")[:2]
+        for k, child in zip(worst, np.argsort(-born.fitness, kind="stable"), strict=True):
+            if born.fitness[child] > scores[k]:
+                individuals[k], scores[k] = born.individuals[child], born.fitness[child]
+    return [individual.codons for individual in individuals], cost
+
+
+def _children(grammar: Grammar, p: Parameters, a: Parent, b: Parent, rng: np.random.Generator) -> list[Codons]:
+    pair = a.codons, b.codons
+    if rng.random() < p.crossover_probability:
+        pair = CROSSOVERS[p.crossover](a, b, rng)
+    mutate = MUTATIONS[p.mutation]
+    children = []
+    for codons in pair:
+        child = codons[: p.max_codons]
+        parent = Parent(child, derive(grammar, child, p.max_wraps))
+        children.append(mutate(grammar, parent, p.mutation_probability, p.codon_size, rng))
+    return children
+
+
+def _evaluate(
+    grammar: Grammar, p: Parameters, fitness: Fitness, population: Sequence[Codons], number: int
+) -> Generation:
+    """Map everybody; evaluate each different phenotype once."""
+    individuals = [Parent(codons, derive(grammar, codons, p.max_wraps)) for codons in population]
+    phenotypes = [individual.derivation.phenotype for individual in individuals]
+    different = list(dict.fromkeys(text for text in phenotypes if text is not None))
+    evaluated = fitness(different, number)
+    by_text = dict(zip(different, evaluated.fitness.tolist(), strict=True))
+    scores = np.array([-np.inf if text is None else by_text[text] for text in phenotypes])
+    return Generation(number, individuals, scores, evaluated.behaviours, evaluated.cost)
+
+
+def _generator(p: Parameters, generation: int) -> np.random.Generator:
+    return streams.generator(streams.TRAINING + p.seed, streams.VARIATION, generation)

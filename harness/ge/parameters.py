@@ -1,0 +1,89 @@
+"""What an evolutionary run can be told. The command line, the run folder and the checks are made from this one list."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from harness.errors import HarnessError, nearest
+from harness.ge.initialisation import METHODS
+from harness.ge.operators import CROSSOVERS, MUTATIONS
+
+REPLACEMENTS = ("generational", "steady-state")
+
+
+def _parameter(
+    default: Any, text: str, choices: Any = (), least: float | None = None, most: float | None = None
+) -> Any:
+    return field(default=default, metadata={"help": text, "choices": tuple(choices), "least": least, "most": most})
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of a run; the defaults are those of the paper's Table 2, and SPEC section 4 where it is silent."""
+
+    population: int = _parameter(250, "individuals", least=2)
+    generations: int = _parameter(500, "generations after the first population", least=0)
+    episodes: int = _parameter(100, "episodes whose mean is the fitness, new ones in every generation", least=1)
+    horizon: int = _parameter(50, "steps an episode lasts", least=1)
+    seed: int = _parameter(0, "of everything random in the run", least=0, most=2**31 - 1)
+    shaping: str = _parameter("none", "reward shaping during the search")
+    loop: bool = _parameter(False, "programs start again at the top until the episode ends")
+    penalty: float = _parameter(0.1, "fitness lost for every statement beyond --free-length", least=0)
+    free_length: int = _parameter(50, "statements that cost nothing", least=0)
+    initialisation: str = _parameter("ramped", "of the first population", METHODS)
+    max_init_depth: int = _parameter(50, "levels of the first population's derivation trees", least=1)
+    codon_size: int = _parameter(1000, "codons are whole numbers below this", least=2, most=2**31 - 1)
+    tail: float = _parameter(0.5, "unused codons appended at first, as a share of the used ones", least=0)
+    max_wraps: int = _parameter(0, "times that the codons are read again before an individual is invalid", least=0)
+    max_codons: int = _parameter(2000, "longer genotypes are cut", least=1)
+    tournament: int = _parameter(2, "individuals in a selection tournament", least=1)
+    elites: int = _parameter(1, "best individuals that pass on unchanged", least=0)
+    crossover: str = _parameter("one-point", "of two parents", CROSSOVERS)
+    crossover_probability: float = _parameter(0.75, "that two parents are crossed", least=0, most=1)
+    mutation: str = _parameter("per-codon", "of a child", MUTATIONS)
+    mutation_probability: float = _parameter(0.01, "of each codon, or of a child", least=0, most=1)
+    replacement: str = _parameter("generational", "how children enter the population", REPLACEMENTS)
+    test_episodes: int = _parameter(1000, "fresh episodes that score each generation's best in the history", least=2)
+    finalists: int = _parameter(20, "programs of the last generation that are compared once more", least=1)
+    validation_episodes: int = _parameter(2000, "episodes of that comparison, which no generation has seen", least=2)
+    score_episodes: int = _parameter(10_000, "fresh episodes that score the winner", least=2)
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            HarnessError: a value is out of its range or of the wrong type.
+        """
+        for f in fields(self):
+            _check(f.name, getattr(self, f.name), f.default, f.metadata)
+        if self.elites >= self.population:
+            raise HarnessError(f"elites must be fewer than the population of {self.population}, not {self.elites}")
+
+
+def from_record(record: dict[str, Any]) -> Parameters:
+    """Parameters from names and values.
+
+    Raises:
+        HarnessError: a name is unknown, or a value out of range.
+    """
+    known = [f.name for f in fields(Parameters)]
+    for name in record:
+        if name not in known:
+            raise HarnessError(f"no parameter '{name}'{nearest(name, known)} (known: {', '.join(known)})")
+    return Parameters(**record)
+
+
+def _check(name: str, value: Any, default: Any, limits: Any) -> None:
+    kind = type(default)
+    right = isinstance(value, (int, float)) if kind is float else isinstance(value, kind)
+    if not right or (isinstance(value, bool) and kind is not bool):
+        words = {int: "a whole number", float: "a number", str: "a word", bool: "true or false"}
+        raise HarnessError(f"{name} must be {words[kind]}, not {value!r}")
+    if limits["choices"] and value not in limits["choices"]:
+        choices = limits["choices"]
+        raise HarnessError(f"no {name} '{value}'{nearest(value, choices)} (known: {', '.join(choices)})")
+    if limits["least"] is not None and not value >= limits["least"]:
+        raise HarnessError(f"{name} must be {limits['least']} or more, not {value}")
+    if limits["most"] is not None and not value <= limits["most"]:
+        raise HarnessError(f"{name} must be {limits['most']} or less, not {value}")

@@ -1,0 +1,144 @@
+"""What evolution found: histories, the best program, and how well many runs did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from harness.evaluation import Score
+from harness.ge.parameters import Parameters
+from harness.program import Program
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+QUARTILES = (0.25, 0.5, 0.75)
+
+
+@dataclass(frozen=True)
+class Best:
+    """The winner of a run."""
+
+    program: Program
+    fitness: float
+    """Of the last generation: the episodes that selected it, so it is a lucky figure."""
+    validation: float
+    """Fitness in the comparison of the finalists, of which it is the maximum, so still a little lucky."""
+    score: Score
+    """On fresh episodes, of the true reward without shaping or penalty: the honest figure."""
+
+    @property
+    def text(self) -> str:
+        """The program, one statement a line."""
+        return self.program.text
+
+
+@dataclass(frozen=True)
+class Evolution:
+    """The result of one run."""
+
+    domain: str
+    parameters: Parameters
+    history: pd.DataFrame
+    """One row a generation, columns :data:`COLUMNS`."""
+    finalists: pd.DataFrame
+    """The programs compared at the end: fitness, validation and its standard error, length, program."""
+    best: Best
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Learning curve: what selection saw of the best, and its score on fresh episodes."""
+        return _plot([self], axes)
+
+
+@dataclass(frozen=True)
+class Evolutions:
+    """The results of independent runs that differ in their seeds."""
+
+    runs: list[Evolution]
+
+    @property
+    def history(self) -> pd.DataFrame:
+        """All histories one below the other, with a column ``seed``."""
+        return pd.concat([run.history.assign(seed=run.parameters.seed) for run in self.runs], ignore_index=True)
+
+    @property
+    def best(self) -> Best:
+        """Of the run whose winner did best in its comparison of finalists; its ``score`` was not looked at for that."""
+        return max(self.runs, key=lambda run: run.best.validation).best
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a run: seed, figures of the winner, its length and text."""
+        rows = [
+            {
+                "seed": run.parameters.seed,
+                "fitness": run.best.fitness,
+                "validation": run.best.validation,
+                "mean": run.best.score.mean,
+                "sem": run.best.score.sem,
+                "discounted_mean": run.best.score.discounted_mean,
+                "discounted_sem": run.best.score.discounted_sem,
+                "success_rate": run.best.score.success_rate,
+                "length": run.best.program.length,
+                "steps": int(run.history["steps"].sum()),
+                "program": run.best.text,
+            }
+            for run in self.runs
+        ]
+        return pd.DataFrame(rows)
+
+    def curve(self, column: str = "test") -> pd.DataFrame:
+        """Quartiles over the runs of a column of the history, one row a generation: q25, q50, q75."""
+        groups = self.history.groupby("generation")[column]
+        return pd.DataFrame({f"q{round(100 * q)}": groups.quantile(q) for q in QUARTILES})
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Median and quartiles over the runs of the best's score on fresh episodes."""
+        return _plot(self.runs, axes)
+
+
+COLUMNS = {
+    "generation": "0 is the first population",
+    "best": "fitness of the best: the maximum of noisy figures, so a lucky one",
+    "mean": "mean fitness of the valid individuals",
+    "median": "their median fitness",
+    "invalid": "share of individuals whose derivation did not end",
+    "unique": "share of different phenotypes",
+    "behaviours": "number of programs whose returns differ in some episode",
+    "test": "mean true return of the best on fresh episodes, the same in every generation",
+    "test_sem": "its standard error",
+    "best_length": "statements of the best",
+    "length": "mean length of the phenotypes, in characters",
+    "codons": "mean length of the genotypes",
+    "used": "mean number of codons read",
+    "depth": "mean depth of the derivation trees",
+    "steps": "environment steps of the fitness evaluations",
+    "seconds": "time the generation took, the only column that differs between equal runs",
+}
+"""Columns of a history."""
+
+
+def _plot(runs: list[Evolution], axes: Any) -> Any:
+    from matplotlib import pyplot as plt
+
+    if axes is None:
+        axes = plt.subplots(figsize=(6, 4), layout="constrained")[1]
+    if len(runs) == 1:
+        history = runs[0].history
+        x, low, middle, high = history["generation"], *(history["test"] + z * history["test_sem"] for z in (-2, 0, 2))
+        axes.plot(x, history["best"], color="0.7", lw=1, label="fitness of the best (what selection sees)")
+        axes.fill_between(x, low, high, color="C0", alpha=0.25, lw=0)
+        axes.plot(x, middle, color="C0", label="the best on fresh episodes, ± 2 standard errors")
+    else:
+        curve = Evolutions(runs).curve()
+        axes.fill_between(curve.index, curve["q25"], curve["q75"], color="C0", alpha=0.25, lw=0)
+        axes.plot(curve.index, curve["q50"], color="C0", label=f"median and quartiles of {len(runs)} runs")
+    axes.set(xlabel="generation", ylabel="undiscounted return within the horizon")
+    lowest = np.nanmin([run.history["test"].min() for run in runs])
+    axes.set_ylim(bottom=min(0.0, float(lowest)))
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False)
+    return axes

@@ -1,0 +1,193 @@
+"""``harness.evolve``: one run or many, in memory or in folders, begun or resumed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import joblib
+from tqdm.auto import tqdm
+
+from harness import files
+from harness.domain import Domain
+from harness.errors import HarnessError
+from harness.ge.folder import RunFolder
+from harness.ge.parameters import Parameters
+from harness.ge.results import Evolution, Evolutions
+from harness.ge.search import Setup, config_of, prepare, restore, run
+
+
+def evolve(
+    domain: Domain | str,
+    grammar: str | Path | None = None,
+    *,
+    runs: int = 1,
+    out: str | Path | None = None,
+    engine: str = "auto",
+    workers: int | None = None,
+    backend: str = "loky",
+    progress: bool = False,
+    **parameters: Any,
+) -> Evolution | Evolutions:
+    """Evolve a program for a domain by grammatical evolution.
+
+    Args:
+        domain: a domain or its name.
+        grammar: a BNF file or the name of a shipped grammar; by default the paper's for the domain.
+        runs: how many independent runs, with the seeds ``seed``, ``seed`` + 1, …
+        out: folder for the run's files (:mod:`harness.ge.folder`); many runs get one folder each in it. Without it
+            nothing is kept on disk.
+        engine: ``tables``, ``julia`` or ``auto``.
+        workers: threads of one run, processes of many (default: as many as there are cores); they change no number.
+        backend: joblib's backend for many runs: ``loky`` (processes), ``threading``, ``dask``, …
+        progress: show a progress bar on a terminal.
+        parameters: of the run, see :class:`harness.ge.parameters.Parameters`: ``population``, ``generations``,
+            ``episodes``, ``seed``, ``shaping``, ``loop``, ``tournament``, ``crossover``, ``mutation``, …
+
+    Returns:
+        :class:`harness.ge.results.Evolution` for one run, :class:`harness.ge.results.Evolutions` for more.
+
+    Raises:
+        HarnessError: an argument, the grammar or the folder is wrong; nothing has run then.
+        KeyboardInterrupt: Ctrl-C; what ``out`` holds can be resumed.
+    """
+    _check_runs(runs, workers)
+    name = domain if isinstance(domain, str) else domain.name
+    setup = prepare(domain, grammar, engine, 1, parameters)
+    if runs == 1:
+        folder = RunFolder(Path(out)) if out is not None else None
+        if folder:
+            folder.create(config_of(setup, name), setup.grammar.text)
+        return _one(setup._replace(workers=workers or _cores()), folder, progress)
+    with contextlib.ExitStack() as stack:
+        parent = Path(out if out is not None else stack.enter_context(tempfile.TemporaryDirectory()))
+        setups = [_with_seed(setup, setup.parameters.seed + k) for k in range(runs)]
+        folders = [_folder_of(parent, each.parameters.seed) for each in setups]
+        for each, folder in zip(setups, folders, strict=True):
+            folder.create(config_of(each, name), each.grammar.text)
+        return _many(setups, folders, parent, workers, backend, progress)
+
+
+def resume(
+    out: str | Path,
+    *,
+    generations: int | None = None,
+    workers: int | None = None,
+    backend: str = "loky",
+    progress: bool = False,
+) -> Evolution | Evolutions:
+    """Go on with what :func:`evolve` began in a folder; the end is the same as without the interruption.
+
+    Args:
+        out: the folder.
+        generations: go on for longer than the run was meant to.
+        workers: threads of one run, processes of many.
+        backend: joblib's backend for many runs.
+        progress: show a progress bar on a terminal.
+
+    Raises:
+        HarnessError: the folder holds no run, a damaged one, or one on another model of the domain.
+    """
+    parent = Path(out)
+    _check_runs(1, workers)
+    folders = [RunFolder(path.parent) for path in sorted(parent.glob(f"{_PREFIX}*/config.json"), key=_seed_of)]
+    if not folders:
+        folder = RunFolder(parent)
+        return _one(_restored(folder, workers or _cores(), generations), folder, progress)
+    setups = [_restored(folder, 1, generations) for folder in folders]
+    return _many(setups, folders, parent, workers, backend, progress)
+
+
+_PREFIX = "seed-"
+
+
+def _restored(folder: RunFolder, workers: int, generations: int | None) -> Setup:
+    setup = restore(folder, workers, generations)
+    state = folder.state()
+    if generations is not None:
+        if state and generations < state.generation:
+            raise HarnessError(f"{folder.path} is at generation {state.generation} already; ask for more of them")
+        files.replace_json(folder.path / "config.json", {**folder.config(), "parameters": setup.parameters.__dict__})
+    return setup
+
+
+def _folder_of(parent: Path, seed: int) -> RunFolder:
+    return RunFolder(parent / f"{_PREFIX}{seed}")
+
+
+def _seed_of(config: Path) -> tuple[int, str]:
+    number = config.parent.name.removeprefix(_PREFIX)
+    return (int(number), "") if number.isdecimal() else (-1, number)
+
+
+def _with_seed(setup: Setup, seed: int) -> Setup:
+    return setup._replace(parameters=Parameters(**{**setup.parameters.__dict__, "seed": seed}))
+
+
+def _check_runs(runs: int, workers: int | None) -> None:
+    if runs < 1:
+        raise HarnessError(f"runs must be 1 or more, not {runs}")
+    if workers is not None and workers < 1:
+        raise HarnessError(f"workers must be 1 or more, not {workers}")
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1
+
+
+def _one(setup: Setup, folder: RunFolder | None, progress: bool) -> Evolution:
+    with _bar(setup.parameters.generations + 1, progress) as bar:
+
+        def watch(row: Mapping[str, Any]) -> None:
+            best = f"best {row['best']:.1f} (fresh {row['test']:.1f})"
+            bar.set_postfix_str(f"{best}, mean {row['mean']:.1f}, invalid {row['invalid']:.0%}", refresh=False)
+            bar.update()
+
+        return run(setup, folder, watch)
+
+
+def _many(
+    setups: Sequence[Setup],
+    folders: Sequence[RunFolder],
+    parent: Path,
+    workers: int | None,
+    backend: str,
+    progress: bool,
+) -> Evolutions:
+    """All runs, as many at a time as there are workers. What is on disk tells how far they are."""
+    with _bar(sum(setup.parameters.generations + 1 for setup in setups), progress) as bar, _watching(folders, bar):
+        tasks = (joblib.delayed(run)(*pair, _nobody) for pair in zip(setups, folders, strict=True))
+        result = Evolutions(joblib.Parallel(n_jobs=workers or _cores(), backend=backend)(tasks))
+    files.replace_text(parent / "runs.csv", result.table.to_csv(index=False, lineterminator="\n"))
+    files.replace_text(parent / "curve.csv", result.curve().to_csv(lineterminator="\n"))
+    return result
+
+
+def _nobody(row: Mapping[str, Any]) -> None:
+    """Watches nothing: the rows of many runs are watched on disk."""
+
+
+def _bar(total: int, progress: bool) -> Any:
+    return tqdm(total=total, unit="gen", disable=None if progress else True)
+
+
+@contextlib.contextmanager
+def _watching(folders: Sequence[RunFolder], bar: Any) -> Iterator[None]:
+    done = threading.Event()
+
+    def watch() -> None:
+        while not done.wait(1.0):
+            bar.update(sum(folder.rows_written() for folder in folders) - bar.n)
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()

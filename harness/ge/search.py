@@ -1,0 +1,215 @@
+"""Evolutionary runs on a domain, from the first population to the winner's score on fresh episodes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from harness import engine as engines
+from harness import population, registry, rng
+from harness.domain import Domain
+from harness.errors import HarnessError
+from harness.evaluation import evaluate, mean_and_sem
+from harness.ge import grammar as bnf
+from harness.ge import loop
+from harness.ge.defaults import grammar_for
+from harness.ge.fitness import ProgramFitness, check_language
+from harness.ge.folder import RunFolder, State, provenance
+from harness.ge.grammar import Grammar
+from harness.ge.parameters import Parameters, from_record
+from harness.ge.results import Best, Evolution
+from harness.policy.program import ProgramPolicy
+from harness.program import words_of
+
+_CHECKPOINT_SECONDS = 1.0
+
+Watcher = Callable[[Mapping[str, Any]], object]
+"""Called with every row of the history as it is made."""
+
+
+class Setup(NamedTuple):
+    """All that decides the results of a run, and the workers, which do not."""
+
+    domain: Domain
+    grammar: Grammar
+    parameters: Parameters
+    engine: str
+    workers: int
+
+
+def prepare(
+    domain: Domain | str, grammar: str | Path | None, engine: str, workers: int, parameters: Mapping[str, Any]
+) -> Setup:
+    """Check everything before anything runs.
+
+    Raises:
+        HarnessError: domain, grammar, engine or a parameter is wrong.
+    """
+    domain = registry.load(domain) if isinstance(domain, str) else domain
+    return _checked(domain, grammar_for(domain, grammar), from_record(dict(parameters)), engine, workers)
+
+
+def _checked(domain: Domain, grammar: Grammar, parameters: Parameters, engine: str, workers: int) -> Setup:
+    domain.shaped(parameters.shaping)
+    check_language(grammar, words_of(domain))
+    return Setup(domain, grammar, parameters, engines.choose(engine, domain), workers)
+
+
+def config_of(setup: Setup, name: str) -> dict[str, Any]:
+    """The ``config.json`` of a run; ``name`` is how the domain is loaded again."""
+    return {
+        "domain": name,
+        "domain_version": setup.domain.version,
+        "model_hash": setup.domain.model_hash,
+        "grammar": Path(setup.grammar.source).name,
+        "engine": setup.engine,
+        "parameters": setup.parameters.__dict__,
+        **provenance(),
+    }
+
+
+def restore(folder: RunFolder, workers: int, generations: int | None = None) -> Setup:
+    """The setup of a run that has a folder; with ``generations``, to go on for longer than it was meant to.
+
+    Raises:
+        HarnessError: the folder is damaged, or its domain is no longer the same.
+    """
+    config = folder.config()
+    domain = registry.load(config["domain"])
+    if domain.model_hash != config["model_hash"]:
+        raise HarnessError(
+            f"{folder.path} was begun on version {config.get('domain_version')} of {config['domain']}, another model "
+            f"than today's version {domain.version}; start a new run"
+        )
+    more = {} if generations is None else {"generations": generations}
+    parameters = from_record({**config["parameters"], **more})
+    return _checked(domain, bnf.read(folder.path / "grammar.bnf"), parameters, config["engine"], workers)
+
+
+def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
+    """Evolve to the end. Ctrl-C leaves the folder with a checkpoint of the last whole generation."""
+    p = setup.parameters
+    fitness = ProgramFitness(setup.domain, p, setup.engine, setup.workers)
+    state = folder.state() if folder else None
+    rows = list(state.rows) if state else []
+    start, first = (state.generation, state.population) if state else (0, loop.first_population(setup.grammar, p))
+    for row in rows:
+        watch(row)
+    saved = begun = time.monotonic()
+    last: loop.Generation | None = None  # the last one that is in the history
+    try:
+        for generation in loop.evolve(setup.grammar, p, fitness, first, start):
+            if generation.number == len(rows):  # a checkpoint's own generation has its row
+                now = time.monotonic()
+                rows.append(_row(setup, fitness, generation, now - begun))
+                watch(rows[-1])
+                begun = now
+            last = generation
+            if folder and time.monotonic() - saved > _CHECKPOINT_SECONDS:
+                _save(folder, fitness, last, rows)
+                saved = time.monotonic()
+    finally:
+        if folder and last:
+            _save(folder, fitness, last, rows[: last.number + 1])
+    assert last is not None
+    return _finish(setup, fitness, last, pd.DataFrame(rows), folder)
+
+
+def _save(folder: RunFolder, fitness: ProgramFitness, generation: loop.Generation, rows: list[dict[str, Any]]) -> None:
+    best = generation.best()
+    state = State(generation.number, [individual.codons for individual in generation.individuals], rows)
+    folder.save(state, None if best is None else fitness.compile(best).text)
+
+
+def _row(setup: Setup, fitness: ProgramFitness, generation: loop.Generation, seconds: float) -> dict[str, Any]:
+    """A row of the history, columns of :data:`harness.ge.results.COLUMNS`."""
+    scores, derivations = generation.fitness, [individual.derivation for individual in generation.individuals]
+    valid = np.isfinite(scores)
+    texts = [d.phenotype for d in derivations if d.phenotype is not None]
+    best = generation.best()
+    test, sem, length = _test(setup, fitness, best) if best is not None else (np.nan, np.nan, 0)
+    return {
+        "generation": generation.number,
+        "best": float(scores.max()),
+        "mean": float(scores[valid].mean()) if texts else np.nan,
+        "median": float(np.median(scores[valid])) if texts else np.nan,
+        "invalid": float(1 - valid.mean()),
+        "unique": len(set(texts)) / len(scores),
+        "behaviours": generation.behaviours,
+        "test": test,
+        "test_sem": sem,
+        "best_length": length,
+        "length": float(np.mean([len(text) for text in texts])) if texts else np.nan,
+        "codons": float(np.mean([len(individual.codons) for individual in generation.individuals])),
+        "used": float(np.mean([d.used for d in derivations])),
+        "depth": float(np.mean([d.depth for d in derivations])),
+        "steps": generation.cost,
+        "seconds": round(seconds, 4),
+    }
+
+
+def _test(setup: Setup, fitness: ProgramFitness, best: str) -> tuple[float, float, int]:
+    """True mean return of a program on fresh episodes, its standard error, and the program's length."""
+    p, program = setup.parameters, fitness.compile(best)
+    episodes = population.Episodes(rng.HELD_OUT + p.seed, 0, p.test_episodes, p.horizon)
+    returns = population.play(setup.domain.shaped("none"), [program], episodes, setup.engine).returns[0]
+    return *mean_and_sem(returns), program.length
+
+
+def _finish(
+    setup: Setup, fitness: ProgramFitness, last: loop.Generation, history: pd.DataFrame, folder: RunFolder | None
+) -> Evolution:
+    """Compare the best programs of the last generation on new episodes, and score the winner on fresh ones."""
+    p = setup.parameters
+    order = np.argsort(-last.fitness, kind="stable")
+    by_text: dict[str, float] = {}
+    for i in order:
+        text = last.individuals[i].derivation.phenotype
+        if text is not None:
+            by_text.setdefault(fitness.compile(text).text, float(last.fitness[i]))
+    if not by_text:
+        raise HarnessError("no individual of the last generation is valid; allow wraps, or more codons")
+    texts = list(by_text)[: p.finalists]
+    programs = [fitness.compile(text) for text in texts]
+    returns = fitness.play(programs, (p.generations + 1) * p.episodes, p.validation_episodes).returns
+    validation = fitness.penalized(programs, returns)
+    finalists = pd.DataFrame(
+        {
+            "fitness": [by_text[text] for text in texts],
+            "validation": validation,
+            "validation_sem": [mean_and_sem(row)[1] for row in returns],
+            "length": [program.length for program in programs],
+            "program": texts,
+        }
+    ).sort_values("validation", ascending=False, kind="stable", ignore_index=True)
+    winner = programs[int(validation.argmax())]
+    result = evaluate(
+        setup.domain.shaped("none"),
+        ProgramPolicy(winner),
+        episodes=p.score_episodes,
+        seed=rng.HELD_OUT + p.seed,
+        horizon=p.horizon,
+        engine=setup.engine,
+        workers=setup.workers,
+    )
+    best = Best(winner, by_text[winner.text], float(validation.max()), result.score)
+    if folder:
+        folder.finish(_record(setup, best), finalists)
+    return Evolution(setup.domain.name, p, history, finalists, best)
+
+
+def _record(setup: Setup, best: Best) -> dict[str, Any]:
+    """``best.json``: the winner with its figures and all that it came from."""
+    return {
+        "program": best.text.splitlines(),
+        "fitness": best.fitness,
+        "validation": best.validation,
+        "score": best.score._asdict(),
+        **config_of(setup, setup.domain.name),
+        "grammar_text": setup.grammar.text.splitlines(),
+    }
