@@ -181,7 +181,7 @@ class TestUsersOwnPolicies:
             (lambda e: np.zeros(e), "whole numbers"),
             (lambda e: np.zeros((e, 1), dtype=int), "shape"),
             (lambda e: np.full(e, 13), "action 13"),
-            (lambda e: np.full(e, -1), "action -1"),
+            (lambda e: np.full(e, -2), "action -2"),
             (lambda e: None, "whole numbers"),
         ],
     )

@@ -17,7 +17,6 @@ goes on from its last checkpoint and ends with the same numbers.
 from __future__ import annotations
 
 import csv
-import io
 import json
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -110,8 +109,8 @@ class RunFolder:
             )
         files.replace_text(self.path / "history.csv", "".join(lines))
         self._written = generation + 1
-        rows = pd.read_csv(io.StringIO("".join(lines)), float_precision="round_trip").to_dict("records")
-        return State(generation, list(population), rows)  # type: ignore[arg-type]
+        rows = [{name: _number(text) for name, text in row.items()} for row in csv.DictReader(lines)]
+        return State(generation, list(population), rows)
 
     def _history_lines(self) -> list[str]:
         path = self.path / "history.csv"
@@ -144,6 +143,14 @@ class RunFolder:
     def rows_written(self) -> int:
         """Generations in the history on disk, for those who watch a run from outside."""
         return max(0, len(self._history_lines()) - 1)
+
+
+def _number(text: str) -> float:
+    """As it was before it was written: pandas would not keep every last bit."""
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
 
 
 def provenance() -> dict[str, Any]:

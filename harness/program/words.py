@@ -38,7 +38,7 @@ _CHECK = re.compile(r"check\((\d+)\)")
 _READING_WORDS = {"bordercross": "distance()"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Words:
     """What programs may say on a domain (SPEC section 4). Arrays are what the compiled interpreter needs."""
 

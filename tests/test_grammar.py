@@ -1,0 +1,209 @@
+"""Grammars and mapping, against derivations worked out by hand and a mapper that rewrites text."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import harness
+from harness import registry
+from harness.ge import grammar as bnf
+from harness.ge import initialisation
+from harness.ge.fitness import check_language
+from harness.ge.grammar import GrammarError
+from harness.ge.initialisation import FULL, GROW, POSITION_INDEPENDENT, tree
+from harness.ge.mapping import derive
+from harness.program import parse, words_of
+
+EXPRESSION = """
+<expr> ::= <expr> <op> <expr> | (<expr>) | <var>   # three alternatives
+<op>   ::= + | "-"
+<var>  ::= x
+"""
+SHIPPED = ["rocksample", "bordercross", "rocksample-feedback"]
+
+
+def shipped(name):
+    return bnf.read(registry.grammar_path(name))
+
+
+codons = st.lists(st.integers(0, 999), min_size=1, max_size=60).map(lambda c: np.array(c, dtype=np.int32))
+
+
+def rewrite(grammar_text, codons, max_wraps):
+    """A mapper that knows nothing but the text: it rewrites the leftmost <name> until there is none."""
+    rules = {}
+    for line in re.sub(r"#.*", "", grammar_text).strip().splitlines():
+        name, body = line.split("::=")
+        rules[name.strip()] = [part.strip().replace('"', "") for part in body.split("|")]
+    text, used = next(iter(rules)), 0
+    while (match := re.search(r"<[^<>|\s]+>", text)) is not None:
+        choices = rules[match.group()]
+        pick = 0
+        if len(choices) > 1:
+            if used == len(codons) * (max_wraps + 1):
+                return None, used
+            pick = codons[used % len(codons)] % len(choices)
+            used += 1
+        text = text[: match.start()] + choices[pick] + text[match.end() :]
+    return text, used
+
+
+class TestMapping:
+    def test_a_derivation_worked_out_on_paper(self):
+        """expr →(3: 0) expr op expr →(5: 2) var op expr → x op expr →(7: 1) x - expr →(1) x - (expr) →(8: 2) x - (x)"""
+        derivation = derive(bnf.parse(EXPRESSION), np.array([3, 5, 7, 1, 8, 4], dtype=np.int32))
+        assert derivation.phenotype == "x - (x)"
+        assert derivation.used == 5  # <var> has one production and takes no codon
+        assert derivation.depth == 4
+        # expr(0-5) expr(1-2) var op(2-3) expr(3-5) expr(4-5) var
+        assert derivation.nodes[:, 1:].tolist() == [[0, 5], [1, 2], [2, 2], [2, 3], [3, 5], [4, 5], [5, 5]]
+        assert derivation.nodes[:, 0].tolist() == [0, 0, 2, 1, 0, 0, 2]
+
+    @pytest.mark.parametrize(("wraps", "phenotype", "used"), [(0, None, 2), (1, "x + x", 4), (5, "x + x", 4)])
+    def test_wrapping_reads_the_codons_again(self, wraps, phenotype, used):
+        """[0 2] gives expr op expr, x op expr; then 0: +, and 2: x."""
+        derivation = derive(bnf.parse(EXPRESSION), np.array([0, 2], dtype=np.int32), wraps)
+        assert (derivation.phenotype, derivation.used) == (phenotype, used)
+
+    @settings(max_examples=300, deadline=None)
+    @given(codons=codons, wraps=st.integers(0, 3))
+    def test_it_agrees_with_rewriting_text(self, codons, wraps):
+        derivation = derive(bnf.parse(EXPRESSION), codons, wraps)
+        assert (derivation.phenotype, derivation.used) == rewrite(EXPRESSION, codons.tolist(), wraps)
+
+    @settings(max_examples=100, deadline=None)
+    @given(codons=codons, wraps=st.integers(0, 3), name=st.sampled_from(SHIPPED))
+    def test_it_always_ends_and_always_the_same(self, codons, wraps, name):
+        grammar = shipped(name)
+        once, again = derive(grammar, codons, wraps), derive(grammar, codons.copy(), wraps)
+        assert once.phenotype == again.phenotype
+        assert once.used == again.used <= len(codons) * (wraps + 1)
+        if once.phenotype is not None:
+            assert not re.search(r"<[a-z]", once.phenotype)
+
+    @settings(max_examples=100, deadline=None)
+    @given(codons=codons, name=st.sampled_from(SHIPPED))
+    def test_phenotypes_are_programs(self, codons, name):
+        domain = harness.load("bordercross-7x8" if name == "bordercross" else "rocksample-7x8")
+        phenotype = derive(shipped(name), codons).phenotype
+        if phenotype is not None:
+            assert parse(phenotype, words_of(domain)).length >= 1
+
+    def test_the_paper_s_example_lines_can_be_derived(self):
+        """`if(belief(3) > 0.74) sample()` takes the codons that its nine choices name."""
+        chosen = [0, 0, 1, 2, 7, 4, 4]  # <code>, <expr>, <condition>, <rock>, <number>, <number>, <op>
+        phenotype = derive(shipped("rocksample"), np.array(chosen, dtype=np.int32)).phenotype
+        assert phenotype == "if(belief(3) > 0.74) sample()"
+
+
+class TestInitialisation:
+    @settings(max_examples=80, deadline=None)
+    @given(
+        name=st.sampled_from(SHIPPED),
+        method=st.sampled_from([GROW, FULL, POSITION_INDEPENDENT]),
+        depth=st.integers(1, 20),
+        seed=st.integers(0, 2**32),
+    )
+    def test_trees_map_to_themselves_within_their_depth(self, name, method, depth, seed):
+        grammar = shipped(name)
+        made = tree(grammar, 0, depth, method, 1000, np.random.default_rng(seed))
+        derivation = derive(grammar, made)
+        least = int(grammar.arrays.depth[: grammar.arrays.rule_first[1]].min())
+        assert derivation.phenotype is not None
+        assert derivation.used == len(made)
+        assert derivation.depth <= max(depth, least)
+        assert ((made >= 0) & (made < 1000)).all()
+        if method == FULL and name != "rocksample-feedback":  # lists: only they recur, so a full tree is exactly full
+            assert derivation.depth in (max(depth, least), max(depth, least) - 1)
+        if method == POSITION_INDEPENDENT and depth > 8 and name != "rocksample-feedback":
+            assert derivation.depth >= depth - 3
+
+    @pytest.mark.parametrize("method", sorted(initialisation.METHODS))
+    def test_a_population_is_varied_and_reproducible(self, method):
+        grammar, make = shipped("rocksample"), initialisation.METHODS[method]
+        first, again, other = (make(grammar, 50, 30, 1000, 0.5, np.random.default_rng(s)) for s in (1, 1, 2))
+        assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+        assert any(not np.array_equal(a, b) for a, b in zip(first, other, strict=True))
+        phenotypes = {derive(grammar, c).phenotype for c in first}
+        assert len(phenotypes) > (20 if method != "uniform" else 1)
+
+    def test_ramped_depths_rise(self):
+        grammar = shipped("rocksample")
+        population = initialisation.ramped(grammar, 200, 40, 1000, 0.0, np.random.default_rng(0))
+        full = [derive(grammar, c).depth for c in population[1::2]]
+        assert full == sorted(full)
+        assert full[-1] == 40
+
+
+class TestReader:
+    def test_the_usual_dialect(self):
+        text = '# a remark\n<a> ::= one  two <b> # more\n   | \'it is "x"\'\n\n<b> ::= "<" | < | "" | p\n  q\n'
+        grammar = bnf.parse(text)
+        assert grammar.rules == ("<a>", "<b>")
+        spelled = [[grammar.terminals[~s] if s < 0 else s for s in p.symbols] for p in grammar.productions]
+        assert spelled == [["one two ", 1], ['it is "x"'], ["<"], ["<"], [""], ["p q"]]
+        assert [p.line for p in grammar.productions] == [2, 3, 5, 5, 5, 5]
+
+    @pytest.mark.parametrize(
+        ("text", "line", "column", "words"),
+        [
+            ("<a> ::= x\n  | <bb> y\n<b> ::= z", 2, 5, "<bb> is not defined; did you mean '<b>'?"),
+            ("<a> ::= x\n<b> ::= z", 2, 1, "cannot be reached"),
+            ("<a> ::= x | <b>\n<b> ::= <b> y", 2, 1, "no finite derivation"),
+            ("<a> ::= <a>", 1, 1, "no finite derivation"),
+            ("what\n<a> ::= x", 1, 1, "before the first rule"),
+            ("<a> ::= x\n<a> ::= y", 2, 1, "defined in line 1 already"),
+            ("<a> ::= x |\n", 1, 1, "empty alternative"),
+            ("<a> ::= 'x", 1, 9, "the quote ' is not closed"),
+            ("<a> ::= x <b y", 1, 11, "'<b' is not closed"),
+            ("<a> ::= x ::= y", 1, 11, "'::=' without a <name>"),
+            ("\n\n", 3, 1, "there is no rule"),
+        ],
+    )
+    def test_faults_are_named_with_their_place(self, text, line, column, words):
+        with pytest.raises(GrammarError) as error:
+            bnf.parse(text, "my.bnf")
+        assert str(error.value).startswith(f"my.bnf, line {line}, column {column}: ")
+        assert words in str(error.value)
+
+    @settings(max_examples=300, deadline=None)
+    @given(st.text(alphabet="<>ab:=| '\"#\n", max_size=50))
+    def test_any_text_is_a_grammar_or_one_sentence(self, text):
+        try:
+            grammar = bnf.parse(text)
+        except GrammarError as error:
+            message = str(error)
+        else:
+            made = tree(grammar, 0, 5, GROW, 100, np.random.default_rng(0))
+            message = "grammar, line " if derive(grammar, made).phenotype is not None else "no sentence"
+        assert message.startswith("grammar, line ")
+
+    def test_depths_and_recursion(self):
+        arrays = bnf.parse(EXPRESSION).arrays
+        assert arrays.depth.tolist() == [3, 3, 2, 1, 1, 1]
+        assert arrays.recursive.tolist() == [True, True, False, False, False, False]
+
+    def test_a_grammar_of_another_language_is_refused(self, rocksample):
+        text = "<code> ::= <line> | <code> <line>\n<line> ::= up() | jump()\n"
+        with pytest.raises(GrammarError, match=r"my\.bnf, line 2: .*'jump\(\)'.* is no program of rocksample-7x8"):
+            check_language(bnf.parse(text, "my.bnf"), words_of(rocksample))
+
+    @pytest.mark.parametrize("name", SHIPPED)
+    def test_shipped_grammars_speak_their_language(self, name):
+        domain = harness.load("bordercross-7x8" if name == "bordercross" else "rocksample-7x8")
+        check_language(shipped(name), words_of(domain))
+
+    @pytest.mark.parametrize("name", ["rocksample-11x11", "bordercross-7x8-random"])
+    def test_other_domains_get_a_grammar_of_their_words(self, name):
+        from harness.ge.defaults import grammar_for
+
+        domain = harness.load(name)
+        grammar = grammar_for(domain, None)
+        check_language(grammar, words_of(domain))
+        if name == "rocksample-11x11":
+            assert {"check(11)", "belief(11)"} <= {t.strip() for t in grammar.terminals}
