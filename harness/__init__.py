@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from harness.evaluation import Evaluation, Score, evaluate
     from harness.policy import Policy
     from harness.registry import load, names
+    from harness.regression.checking import check_scores, update_scores
     from harness.show import replay
 
 __all__ = [
@@ -38,12 +39,14 @@ __all__ = [
     "Score",
     "SnapshotError",
     "check_domain",
+    "check_scores",
     "compare",
     "evaluate",
     "from_model",
     "load",
     "names",
     "replay",
+    "update_scores",
 ]
 
 _HOME = {
@@ -54,12 +57,14 @@ _HOME = {
     "Policy": "policy",
     "Score": "evaluation",
     "check_domain": "check",
+    "check_scores": "regression.checking",
     "compare": "comparison",
     "evaluate": "evaluation",
     "from_model": "bridge",
     "load": "registry",
     "names": "registry",
     "replay": "show",
+    "update_scores": "regression.checking",
 }
 
 

@@ -48,7 +48,7 @@ def footnote(check: ScoreCheck) -> str:
     limits = check.limits
     counted = ", ".join(f"{number} {verdict}" for verdict, number in counts.items())
     return (
-        f"{len(check.outcomes)} rows: {counted}.\n"
+        f"{len(check.outcomes)} row{'s' * (len(check.outcomes) != 1)}: {counted}.\n"
         f"p: Welch's one-sided test of a drop by more than {limits.min_effect:g}, Holm-corrected over the rows. Worse: "
         f"p ≤ {limits.false_alarm:g}, so that\nunchanged code fails at most once in {1 / limits.false_alarm:,.0f} "
         f"checks. catches: the smallest true drop that a test finds with probability\n{limits.power:g} "
