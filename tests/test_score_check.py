@@ -413,6 +413,23 @@ def test_ctrl_c_prints_the_rows_finished(tmp_path):
     assert "rollout" not in out
 
 
+def test_ctrl_c_leaves_the_file_of_an_update_alone(scores, capsys, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    before = scores.read_text()
+    monkeypatch.setattr(scoring, "renew", interrupted)
+    assert main(["check", str(scores), "--update"]) == 130
+    assert scores.read_text() == before
+
+
+def test_what_cannot_be_written_is_told(scores, capsys):
+    with pytest.raises(HarnessError, match="cannot write"):
+        stored.write(scores / "below-a-file.toml", [])
+    assert main(["check", str(scores), "--junit", "/no/file.xml"]) == 2
+    assert "cannot write" in capsys.readouterr().err
+
+
 def test_the_shipped_list_covers_the_named_7x8_domains():
     """Every default policy of theirs is watched, and stored; CI runs the check itself."""
     file = stored.read(Path(__file__).parent.parent / "scores.toml")
