@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import harness
 from harness import policy
@@ -75,10 +76,10 @@ def play_instead(monkeypatch, asked, given):
     monkeypatch.setattr(policy, "make", lambda spec, domain: make(given if spec == asked else spec, domain))
 
 
-def change_returns(monkeypatch, change):
+def change_returns(monkeypatch, change, column="returns"):
     def changed(*arguments, **options):
         result = evaluate(*arguments, **options)
-        return dataclasses.replace(result, returns=change(result.returns))
+        return dataclasses.replace(result, **{column: change(getattr(result, column))})
 
     monkeypatch.setattr(scoring, "evaluate", changed)
 
@@ -98,6 +99,19 @@ def test_other_episodes_are_compared_statistically(scores, capsys):
     assert status == 0
     assert out.count("statistical") == 2
     assert "2 not worse" in out
+    for outcome in checking.check_scores(scores, seed=5).outcomes:
+        assert outcome.fresh.seed == 5
+        assert outcome.fresh.reference_episodes == outcome.stored.reference_episodes  # equal numbers on both sides
+        alone = stats.ttest_ind_from_stats(
+            *spread(outcome.stored, less=0.05), *spread(outcome.fresh), equal_var=False, alternative="greater"
+        ).pvalue
+        if outcome.stored.sem:
+            assert outcome.p == pytest.approx(min(1, 2 * alone))
+
+
+def spread(score, less=0.0):
+    n = score.reference_episodes
+    return score.mean - less, score.sem * n**0.5, n
 
 
 def test_a_real_drop_of_one_unit_fails(scores, capsys, monkeypatch):
@@ -132,15 +146,18 @@ def test_a_change_that_costs_nothing_passes_unless_exact(scores, capsys, monkeyp
     assert "DIFFERS" in out
 
 
-def test_one_episode_among_ten_thousand_is_noticed(scores, capsys, monkeypatch):
-    def change(returns):
-        returns = returns.copy()
-        returns[9_999 % len(returns)] += 1e-9
-        return returns
+@pytest.mark.parametrize("column", ["returns", "discounted", "steps", "terminated"])
+def test_exact_means_every_column_of_every_episode(scores, capsys, monkeypatch, column):
+    def change(values):
+        values = values.copy()
+        values[7] = ~values[7] if column == "terminated" else values[7] + (1 if column == "steps" else 1e-9)
+        return values
 
-    change_returns(monkeypatch, change)
+    change_returns(monkeypatch, change, column)
     assert check(capsys, scores)[0] == 0
-    assert check(capsys, scores, "--exact")[0] == 1
+    status, out = check(capsys, scores, "--exact")
+    assert status == 1
+    assert "DIFFERS" in out
 
 
 @pytest.mark.parametrize(("loss", "status"), [(0.04, 0), (0.06, 1)])
@@ -178,6 +195,14 @@ def test_a_stored_column_missing_or_wrong_fails_its_row_only(scores, capsys, lin
     assert "1 damaged, 1 same" in out
     assert check(capsys, scores, "--update")[0] == 0
     assert check(capsys, scores)[0] == 0
+
+
+def test_a_score_stored_twice_fails(scores, capsys):
+    text = scores.read_text()
+    scores.write_text(text + "\n" + text[text.rindex("[[stored]]") :])
+    status, out = check(capsys, scores)
+    assert status == 1
+    assert "two scores are stored for it, in lines " in out
 
 
 def test_a_vanished_row_fails(scores, capsys):
@@ -243,6 +268,15 @@ def test_update_prints_what_moved_and_keeps_the_rest(scores, capsys, monkeypatch
     assert "2 moved, 0 as before" in out
     assert scores.read_text().startswith(LIST)  # comments and order of the list
     assert not list(scores.parent.glob("*.part"))
+
+
+def test_other_limits_need_other_episodes(scores, capsys):
+    """An update keeps a score whose episodes are as before only if it rests on as many as the limits now ask for."""
+    edit(scores, "[check]", "[check]\ndrop = 2.0")
+    assert "1 moved, 1 as before" in check(capsys, scores, "--update")[1]
+    (score, _) = stored.read(scores).stored.values()
+    assert score.reference_episodes == 10_000
+    assert score.mean == evaluate("rocksample-7x8", "belief:0.95", episodes=10_000, engine="tables").score.mean
 
 
 def test_the_stored_score_is_that_of_the_planned_episodes(scores):

@@ -86,7 +86,7 @@ def judge(
 
 def _p_value(measurement: Measurement, min_effect: float, gain: bool = False) -> float:
     old, new = measurement.stored, measurement.fresh
-    if old is None or new is None or measurement.equal:
+    if old is None or new is None:
         return 1.0
     before, after = (new, old) if gain else (old, new)
     return welch(before.summary, after.summary, min_effect)
