@@ -14,6 +14,7 @@ from harness import archive, registry
 from harness import engine as engines
 from harness import policy as policies
 from harness.domain import Domain
+from harness.errors import HarnessError
 from harness.evaluation import Evaluation, evaluate, mean_and_sem
 from harness.policy import Policy
 from harness.regression.rows import Limits, Row, StoredScore
@@ -70,8 +71,8 @@ def measure(task: Task, stored: StoredScore | None) -> Measurement:
     reason = _incomparable(task.domain, stored)
     if reason:
         return Measurement(row, stored, fault=("incomparable", reason))
-    same_episodes = (row.seed, row.episodes) == (stored.seed, stored.episodes)
-    if same_episodes and _digest(_play(task, row.episodes), row.episodes) == stored.digest:
+    same_episodes = _same_episodes(row, stored)
+    if same_episodes and _holds(task, stored, _play(task, row.episodes)):
         return Measurement(row, stored, stored, True, seconds=time.perf_counter() - began)
     fresh = _record(task, _play(task, stored.reference_episodes))
     seconds = time.perf_counter() - began
@@ -84,18 +85,36 @@ def renew(task: Task, stored: StoredScore | None, limits: Limits) -> StoredScore
     """The score to store for a row: the stored one itself where every episode still comes out as stored.
 
     As many episodes as catch a drop of ``limits.drop``, but no fewer than the row's, and at most its ``most``.
+
+    Raises:
+        HarnessError: the mean return is no finite number.
     """
     row = task.row
     first = _play(task, row.episodes)
-    deviation = float(first.returns.std(ddof=1))
-    family = PLANNED_FAMILY
-    needed = episodes_needed(deviation, family, **dataclasses.asdict(limits)) if np.isfinite(deviation) else 1
-    count = min(max(needed, row.episodes), row.most)
-    kept = stored is not None and not _incomparable(task.domain, stored) and count == stored.reference_episodes
-    same_episodes = stored is not None and (row.seed, row.episodes) == (stored.seed, stored.episodes)
-    if stored is not None and kept and same_episodes and _digest(first, row.episodes) == stored.digest:
+    count = _planned(row, first, limits)
+    if stored is not None and count == stored.reference_episodes and _holds(task, stored, first):
         return stored
-    return _record(task, first if count == row.episodes else _play(task, count))
+    score = _record(task, first if count == row.episodes else _play(task, count))
+    if not np.isfinite(score.mean):
+        raise HarnessError(f"{row.policy} on {row.domain} has the mean return {score.mean}, which cannot be stored")
+    return score
+
+
+def _planned(row: Row, first: Evaluation, limits: Limits) -> int:
+    deviation = float(first.returns.std(ddof=1))
+    if not np.isfinite(deviation):
+        return row.episodes
+    needed = episodes_needed(deviation, PLANNED_FAMILY, **dataclasses.asdict(limits))
+    return min(max(needed, row.episodes), row.most)
+
+
+def _holds(task: Task, stored: StoredScore, first: Evaluation) -> bool:
+    comparable = not _incomparable(task.domain, stored) and _same_episodes(task.row, stored)
+    return comparable and _digest(first, task.row.episodes) == stored.digest
+
+
+def _same_episodes(row: Row, stored: StoredScore) -> bool:
+    return (row.seed, row.episodes) == (stored.seed, stored.episodes)
 
 
 def _incomparable(domain: Domain, stored: StoredScore) -> str:
