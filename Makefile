@@ -1,9 +1,10 @@
-# `make table`: set up and print the baseline tables. `make test`: set up and pass the tests. No Julia needed.
+# `make table`: set up and print the baseline tables. `make test`: set up and pass the tests. `make check`: set up and
+# compare the scores with those in scores.toml. No Julia needed.
 PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: table test lint format bench clean
+.PHONY: table test check lint format bench clean
 
 table: $(VENV)/.installed
 	$(BIN)/harness compare rocksample-7x8 --engine tables
@@ -12,6 +13,9 @@ table: $(VENV)/.installed
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
+
+check: $(VENV)/.installed
+	$(BIN)/harness check
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

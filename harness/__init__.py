@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from harness.ge.runs import evolve, resume
     from harness.policy import Policy
     from harness.registry import load, names
+    from harness.regression.checking import check_scores, update_scores
     from harness.show import replay
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "Score",
     "SnapshotError",
     "check_domain",
+    "check_scores",
     "compare",
     "evaluate",
     "evolve",
@@ -47,6 +49,7 @@ __all__ = [
     "names",
     "replay",
     "resume",
+    "update_scores",
 ]
 
 _HOME = {
@@ -57,6 +60,7 @@ _HOME = {
     "Policy": "policy",
     "Score": "evaluation",
     "check_domain": "check",
+    "check_scores": "regression.checking",
     "compare": "comparison",
     "evaluate": "evaluation",
     "evolve": "ge.runs",
@@ -65,6 +69,7 @@ _HOME = {
     "names": "registry",
     "replay": "show",
     "resume": "ge.runs",
+    "update_scores": "regression.checking",
 }
 
 

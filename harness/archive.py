@@ -35,7 +35,8 @@ def write(path: Path, kind: str, record: Mapping[str, Any], arrays: Mapping[str,
     """Write an archive atomically."""
     stored = {"kind": kind, "format": FORMAT, **record}
     stored["content_hash"] = digest(arrays, stored)
-    files.replace(path, lambda file: np.savez_compressed(file, record=np.array(json.dumps(stored)), **arrays))  # type: ignore[arg-type]
+    with files.replacing(path) as file:
+        np.savez_compressed(file, record=np.array(json.dumps(stored)), **arrays)  # type: ignore[arg-type]
 
 
 def read(path: Path, kind: str, mend: str = "export it again") -> tuple[dict[str, Any], Arrays]:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import Any, BinaryIO
 
 
-def replace(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """Write a file atomically: a temporary file in the same folder, then a rename."""
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """A file that takes the place of ``path`` when the block ends well: written beside it, then renamed.
+
+    Whoever reads ``path`` meanwhile finds the old contents or the new ones whole; after an error, the old ones.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
-            write(file)
+            yield file
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException:
@@ -26,7 +31,8 @@ def replace(path: Path, write: Callable[[IO[bytes]], object]) -> None:
 
 def replace_text(path: Path, text: str) -> None:
     """Write a text file atomically, UTF-8."""
-    replace(path, lambda file: file.write(text.encode()))
+    with replacing(path) as file:
+        file.write(text.encode())
 
 
 def replace_json(path: Path, record: Any) -> None:

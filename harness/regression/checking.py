@@ -1,0 +1,138 @@
+"""The score check and its update: from a file of scores to verdicts, and back."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from tqdm.auto import tqdm
+
+from harness.errors import HarnessError
+from harness.regression import scoring, stored
+from harness.regression.judging import Outcome, ScoreCheck, judge
+from harness.regression.rows import Row, StoredScore
+from harness.regression.scoring import Measurement, Task
+from harness.regression.stored import ScoreFile
+
+
+@dataclass(frozen=True)
+class Move:
+    """What an update did to a row's stored score."""
+
+    before: StoredScore | None
+    after: StoredScore | None
+    """None: the row is no longer listed, its score was dropped."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a check; :attr:`check` holds the rows finished by then, judged as part of the whole list."""
+
+    def __init__(self, check: ScoreCheck) -> None:
+        """``check``: as :func:`check_scores` would return it, with fewer outcomes."""
+        super().__init__()
+        self.check = check
+
+
+def check_scores(
+    path: str | Path = "scores.toml",
+    *,
+    exact: bool = False,
+    seed: int | None = None,
+    engine: str | None = None,
+    progress: bool = False,
+) -> ScoreCheck:
+    """Score the rows of a file again and compare with the scores stored there.
+
+    Args:
+        path: the file.
+        exact: fail a row unless every episode comes out as stored.
+        seed: other episodes than those stored, which makes the comparison statistical.
+        engine: ``tables``, ``julia`` or ``auto``, instead of what the rows say.
+        progress: show a progress bar over the rows when the check takes longer than two seconds.
+
+    Raises:
+        HarnessError: the file or an argument is wrong; nothing is played before all rows have been checked.
+        Interrupted: Ctrl-C was pressed.
+    """
+    if exact and seed is not None:
+        raise HarnessError("an exact check plays the episodes that are stored; leave out either --exact or --seed")
+    file = _read(Path(path))
+    tasks = _tasks(file, seed=seed, engine=engine)
+    measurements: list[Measurement] = []
+
+    def outcomes() -> tuple[Outcome, ...]:
+        judged = judge(measurements, file.limits, len(tasks), exact)
+        return tuple(dataclasses.replace(o, line=line) for o, line in zip(judged, file.lines, strict=False))
+
+    try:
+        for task in _shown(tasks, "check", progress):
+            measurements.append(_measure(task, file))  # noqa: PERF401  one by one, for Ctrl-C
+    except KeyboardInterrupt:
+        raise Interrupted(ScoreCheck(file.path, file.limits, outcomes())) from None
+    return ScoreCheck(file.path, file.limits, outcomes() + _vanished(file))
+
+
+def _measure(task: Task, file: ScoreFile) -> Measurement:
+    key = task.row.key
+    if key in file.damaged:
+        return Measurement(task.row, None, fault=("damaged", f"{file.damaged[key]}; run harness check --update"))
+    return scoring.measure(task, file.stored.get(key))
+
+
+def update_scores(path: str | Path = "scores.toml", *, progress: bool = False) -> list[Move]:
+    """Score the rows of a file and store the scores in it; rows whose episodes all come out as stored stay untouched.
+
+    The file is replaced in one go at the end; after an error or Ctrl-C it is as before.
+
+    Returns:
+        What became of each row, in order, then the stored scores that were dropped because their row has vanished.
+
+    Raises:
+        HarnessError: the file is wrong, or a score is no finite number.
+    """
+    file = _read(Path(path))
+    moves = []
+    for task in _shown(_tasks(file), "update", progress):
+        before = file.stored.get(task.row.key) if task.row.key not in file.damaged else None
+        after = scoring.renew(task, before, file.limits)
+        moves.append(Move(before, after))
+    listed = {row.key for row in file.rows}
+    dropped = [Move(score, None) for key, score in file.stored.items() if key not in listed]
+    stored.write(file.path, [move.after for move in moves if move.after is not None])
+    return moves + dropped
+
+
+def _read(path: Path) -> ScoreFile:
+    file = stored.read(path)
+    if not file.rows and not file.stored_lines:
+        raise HarnessError(f"{path}: lists nothing to score; add [[score]] tables")
+    return file
+
+
+def _tasks(file: ScoreFile, seed: int | None = None, engine: str | None = None) -> list[Task]:
+    return [_task(file.path, line, row, seed, engine) for row, line in zip(file.rows, file.lines, strict=True)]
+
+
+def _task(path: Path, line: int, row: Row, seed: int | None, engine: str | None) -> Task:
+    seed = row.seed if seed is None else seed
+    try:
+        return scoring.task(dataclasses.replace(row, seed=seed, engine=engine or row.engine))
+    except HarnessError as error:
+        raise HarnessError(f"{path}:{line}: {error}") from None
+
+
+def _shown(tasks: list[Task], what: str, progress: bool) -> Iterable[Task]:
+    """With a progress bar where one is wanted and there is a terminal."""
+    return tqdm(tasks, desc=what, unit="row", delay=2, leave=False, disable=None if progress else True)
+
+
+def _vanished(file: ScoreFile) -> tuple[Outcome, ...]:
+    listed = {row.key for row in file.rows}
+    reason = "a score is stored for it, but it is no longer listed; put it back, or run harness check --update"
+    return tuple(
+        Outcome(Row(key[0], key[1], horizon=max(key[2], 1)), "vanished", "", reason=reason, line=line)
+        for key, line in file.stored_lines.items()
+        if key not in listed
+    )

@@ -1,0 +1,168 @@
+"""What a score check is about: the rows to score, the scores stored for them, and the limits of the comparison."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from harness.errors import HarnessError, nearest
+from harness.evaluation import EPISODES, HORIZON
+from harness.regression import statistics
+
+FEWEST_EPISODES = 30
+"""Fewer than these give no test of a mean that keeps its error rate."""
+
+STRETCH = 20
+"""A stored score rests on at most so many times the row's episodes, unless its ``max_episodes`` says otherwise."""
+
+Key = tuple[str, str, int]
+"""Domain, policy and horizon: what a stored score belongs to."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The comparison's error rates; explained where they are used, in :mod:`harness.regression.statistics`."""
+
+    false_alarm: float = statistics.FALSE_ALARM
+    min_effect: float = statistics.MIN_EFFECT
+    drop: float = statistics.DROP
+    power: float = statistics.POWER
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no test."""
+        for name in ("false_alarm", "power"):
+            if not 0 < getattr(self, name) < 1:
+                raise HarnessError(f"{name} must lie between 0 and 1, not be {getattr(self, name)}")
+        if not 0 <= self.min_effect < math.inf:
+            raise HarnessError(f"min_effect must be 0 or more, not {self.min_effect}")
+        if not self.min_effect < self.drop < math.inf:
+            raise HarnessError(f"drop must be larger than min_effect ({self.min_effect}), not {self.drop}")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A policy on a domain, and how it is scored."""
+
+    domain: str
+    policy: str
+    episodes: int = EPISODES
+    """What a check plays first; where they all come out as stored, it plays no more."""
+    seed: int = 0
+    horizon: int = HORIZON
+    engine: str = "auto"
+    max_episodes: int | None = None
+    """At most so many episodes for the stored score, and for a check in doubt; by default 20 times ``episodes``."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be scored."""
+        if self.episodes < FEWEST_EPISODES:
+            raise HarnessError(f"episodes must be {FEWEST_EPISODES} or more, not {self.episodes}")
+        if not 0 <= self.seed < 2**63:
+            raise HarnessError(f"seed must be a whole number from 0 to 2**63 - 1, not {self.seed}")
+        if self.horizon < 1:
+            raise HarnessError(f"horizon must be 1 or more, not {self.horizon}")
+        if self.max_episodes is not None and self.max_episodes < self.episodes:
+            raise HarnessError(f"max_episodes ({self.max_episodes}) must not be below episodes ({self.episodes})")
+
+    @property
+    def key(self) -> Key:
+        """What its stored score is found by."""
+        return self.domain, self.policy, self.horizon
+
+    @property
+    def most(self) -> int:
+        """Episodes at most."""
+        return self.max_episodes or STRETCH * self.episodes
+
+
+@dataclass(frozen=True)
+class StoredScore:
+    """A score with its origin, as it is kept in the file."""
+
+    domain: str
+    policy: str
+    horizon: int
+    domain_version: int
+    model_hash: str
+    """SHA-256 of the domain's tables: scores on another model are not comparable."""
+    engine: str
+    seed: int
+    episodes: int
+    digest: str
+    """SHA-256 of the first ``episodes`` returns (plain and discounted), lengths and ends."""
+    reference_episodes: int
+    """Episodes behind the numbers below: ``episodes``, or more where a drop could not be told from noise otherwise."""
+    mean: float
+    sem: float
+    discounted_mean: float
+    discounted_sem: float
+    steps_mean: float
+    success_rate: float
+
+    def __post_init__(self) -> None:
+        """Refuse what no score can be."""
+        if self.reference_episodes < FEWEST_EPISODES:
+            raise HarnessError(f"reference_episodes must be {FEWEST_EPISODES} or more, not {self.reference_episodes}")
+        if self.sem < 0:
+            raise HarnessError(f"sem must be 0 or more, not {self.sem}")
+
+    @property
+    def key(self) -> Key:
+        """Domain, policy and horizon."""
+        return self.domain, self.policy, self.horizon
+
+    @property
+    def summary(self) -> tuple[float, float, int]:
+        """Mean, standard error and number of episodes."""
+        return self.mean, self.sem, self.reference_episodes
+
+
+class FieldFault(HarnessError):
+    """A key of a table is missing, unknown, or has a wrong value; :attr:`key` says which."""
+
+    def __init__(self, key: str, message: str) -> None:
+        """``key``: the empty string where none is at fault by itself."""
+        super().__init__(message)
+        self.key = key
+
+
+_T = TypeVar("_T")
+_WORDS = {str: "a text", int: "a whole number", float: "a number"}
+
+
+def from_table(kind: type[_T], table: Mapping[str, Any]) -> _T:
+    """A :class:`Row`, :class:`StoredScore` or :class:`Limits` from a TOML table.
+
+    Raises:
+        FieldFault: keys and fields differ, or a value is of the wrong type, out of range, or not finite.
+    """
+    fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    for key in table:
+        if key not in fields:
+            raise FieldFault(key, f"no key '{key}' is known here{nearest(key, fields)} (known: {', '.join(fields)})")
+    for name, field in fields.items():
+        if name not in table and field.default is dataclasses.MISSING:
+            raise FieldFault("", f"'{name}' is missing")
+    types = typing.get_type_hints(kind)
+    values = {key: _value(key, value, types[key]) for key, value in table.items()}
+    try:
+        return kind(**values)
+    except HarnessError as error:
+        key = next((name for name in fields if str(error).startswith(f"{name} ")), "")
+        raise FieldFault(key, str(error)) from None
+
+
+def _value(key: str, value: Any, wanted: Any) -> Any:
+    wanted = int if wanted == int | None else wanted
+    fits = isinstance(value, (int, float) if wanted is float else wanted) and not isinstance(value, bool)
+    if not fits:
+        raise FieldFault(key, f"'{key}' must be {_WORDS[wanted]}, not {value!r}")
+    if wanted is float:
+        if not math.isfinite(value):
+            raise FieldFault(key, f"'{key}' is {value}, no finite number")
+        return float(value)
+    return value

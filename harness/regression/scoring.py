@@ -1,0 +1,171 @@
+"""Playing a row's episodes: as few as an unchanged policy needs, and as many as a doubt asks for."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness import archive, registry
+from harness import engine as engines
+from harness import policy as policies
+from harness.domain import Domain
+from harness.errors import HarnessError
+from harness.evaluation import Evaluation, evaluate, mean_and_sem
+from harness.policy import Policy
+from harness.regression.rows import Limits, Row, StoredScore
+from harness.regression.statistics import episodes_needed
+
+PLANNED_FAMILY = 100
+"""Stored scores get episodes enough for a list of so many rows, so that a new row leaves those of the others alone."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A row with what it names, loaded."""
+
+    row: Row
+    domain: Domain
+    policy: Policy
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What playing a row gave, before it is judged."""
+
+    row: Row
+    stored: StoredScore | None
+    fresh: StoredScore | None = None
+    """The score of now; None where it could not be compared with the stored one."""
+    equal: bool | None = None
+    """Whether every episode came out as stored; None where other episodes were played."""
+    fault: tuple[str, str] | None = None
+    """Verdict and reason, where there is nothing to compare."""
+    seconds: float = 0.0
+
+
+def task(row: Row) -> Task:
+    """Load what a row names.
+
+    Raises:
+        HarnessError: the domain, the policy or the engine is unknown or cannot be used.
+    """
+    domain = registry.load(row.domain).shaped("none")
+    engine = engines.choose(row.engine, domain)
+    return Task(dataclasses.replace(row, engine=engine), domain, policies.make(row.policy, domain)[1])
+
+
+def measure(task: Task, stored: StoredScore | None) -> Measurement:
+    """Play a row for a comparison with its stored score.
+
+    First the episodes of the row, where they are those stored: if all come out the same, that is all. Otherwise as many
+    as the stored score rests on: equal numbers on both sides are what the test's error rate relies on.
+    """
+    row, began = task.row, time.perf_counter()
+    if stored is None:
+        return Measurement(row, None, fault=("unscored", "no score is stored for it; run harness check --update"))
+    reason = _incomparable(task.domain, stored)
+    if reason:
+        return Measurement(row, stored, fault=("incomparable", reason))
+    same_episodes = _same_episodes(row, stored)
+    if same_episodes and _holds(task, stored, _play(task, row.episodes)):
+        return Measurement(row, stored, stored, True, seconds=time.perf_counter() - began)
+    fresh = _record(task, _play(task, stored.reference_episodes))
+    seconds = time.perf_counter() - began
+    if not np.isfinite([fresh.mean, fresh.sem]).all():
+        return Measurement(row, stored, fault=("damaged", f"its mean return is now {fresh.mean}"), seconds=seconds)
+    return Measurement(row, stored, fresh, False if same_episodes else None, seconds=seconds)
+
+
+def renew(task: Task, stored: StoredScore | None, limits: Limits) -> StoredScore:
+    """The score to store for a row: the stored one itself where every episode still comes out as stored.
+
+    As many episodes as catch a drop of ``limits.drop``, but no fewer than the row's, and at most its ``most``.
+
+    Raises:
+        HarnessError: the mean return is no finite number.
+    """
+    row = task.row
+    first = _play(task, row.episodes)
+    count = _planned(row, first, limits)
+    if stored is not None and count == stored.reference_episodes and _holds(task, stored, first):
+        return stored
+    score = _record(task, first if count == row.episodes else _play(task, count))
+    if not np.isfinite(score.mean):
+        raise HarnessError(f"{row.policy} on {row.domain} has the mean return {score.mean}, which cannot be stored")
+    return score
+
+
+def _planned(row: Row, first: Evaluation, limits: Limits) -> int:
+    deviation = float(first.returns.std(ddof=1))
+    if not np.isfinite(deviation):
+        return row.episodes
+    needed = episodes_needed(deviation, PLANNED_FAMILY, **dataclasses.asdict(limits))
+    return min(max(needed, row.episodes), row.most)
+
+
+def _holds(task: Task, stored: StoredScore, first: Evaluation) -> bool:
+    comparable = not _incomparable(task.domain, stored) and _same_episodes(task.row, stored)
+    return comparable and _digest(first, task.row.episodes) == stored.digest
+
+
+def _same_episodes(row: Row, stored: StoredScore) -> bool:
+    return (row.seed, row.episodes) == (stored.seed, stored.episodes)
+
+
+def _incomparable(domain: Domain, stored: StoredScore) -> str:
+    """Why scores on the domain as it is now cannot be compared with the stored one; empty where they can."""
+    mend = "scores on the two are not comparable; run harness check --update"
+    if domain.version != stored.domain_version:
+        return (
+            f"the domain is version {domain.version}, the score was stored on version {stored.domain_version}: {mend}"
+        )
+    if domain.model_hash != stored.model_hash:
+        return (
+            f"the domain's model is {domain.model_hash[:12]}, the score was stored on {stored.model_hash[:12]}: {mend}"
+        )
+    return ""
+
+
+def _play(task: Task, episodes: int) -> Evaluation:
+    row = task.row
+    return evaluate(task.domain, task.policy, episodes=episodes, seed=row.seed, horizon=row.horizon, engine=row.engine)
+
+
+def _record(task: Task, result: Evaluation) -> StoredScore:
+    row, domain = task.row, task.domain
+    mean, sem = mean_and_sem(result.returns)
+    discounted_mean, discounted_sem = mean_and_sem(result.discounted)
+    return StoredScore(
+        domain=row.domain,
+        policy=row.policy,
+        horizon=row.horizon,
+        domain_version=domain.version,
+        model_hash=domain.model_hash,
+        engine=result.engine,
+        seed=row.seed,
+        episodes=row.episodes,
+        digest=_digest(result, row.episodes),
+        reference_episodes=len(result.returns),
+        mean=mean,
+        sem=sem,
+        discounted_mean=discounted_mean,
+        discounted_sem=discounted_sem,
+        steps_mean=float(result.steps.mean()),
+        success_rate=float(result.terminated.mean()),
+    )
+
+
+def _digest(result: Evaluation, episodes: int) -> str:
+    """SHA-256 of the first episodes, value by value (−0 is 0)."""
+    arrays: dict[str, NDArray[Any]] = {
+        "returns": result.returns[:episodes] + 0.0,
+        "discounted": result.discounted[:episodes] + 0.0,
+        "steps": result.steps[:episodes],
+        "terminated": result.terminated[:episodes],
+    }
+    return archive.digest(arrays, None)
