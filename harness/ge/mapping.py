@@ -32,28 +32,51 @@ class Derivation(NamedTuple):
 
 def derive(grammar: Grammar, codons: Codons, max_wraps: int = 0, start: int = 0) -> Derivation:
     """Map codons (any number of whole numbers, 0 and up) to a sentence of the grammar, or of one of its rules."""
-    terminals, nodes, used, depth, complete = _derive(grammar.arrays, codons, max_wraps, start)
-    if not complete:
-        return Derivation(None, used, depth, nodes)
-    return Derivation("".join([grammar.terminals[t] for t in terminals]), used, depth, nodes)
+    room = 8 * len(codons) + 128
+    while True:
+        stack, terminals = np.empty(room, dtype=np.int32), np.empty(room, dtype=np.int32)
+        nodes = np.empty((room, 3), dtype=np.int32)
+        status, n_terminals, n_nodes, used, depth = _derive(
+            grammar.arrays, codons, max_wraps, start, stack, terminals, nodes
+        )
+        if status != _NO_ROOM:
+            break
+        room *= 2
+    if status == _NO_CODONS:
+        return Derivation(None, used, depth, nodes[:0])
+    phenotype = "".join(map(grammar.terminals.__getitem__, terminals[:n_terminals].tolist()))
+    return Derivation(phenotype, used, depth, nodes[:n_nodes].copy())
+
+
+_DONE, _NO_CODONS, _NO_ROOM = range(3)
+_CLOSE = 1 << 24  # above every rule index
 
 
 @compiled
 def _derive(
-    g: GrammarArrays, codons: Codons, max_wraps: int, start: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32], int, int, bool]:
-    """Terminals, tree nodes, codons used, depth, and whether the derivation ended.
+    g: GrammarArrays,
+    codons: Codons,
+    max_wraps: int,
+    start: int,
+    stack: NDArray[np.int32],
+    terminals: NDArray[np.int32],
+    nodes: NDArray[np.int32],
+) -> tuple[int, int, int, int, int]:
+    """How it ended, numbers of terminals and nodes, codons used, depth.
 
     The stack holds symbols still to expand: rules, terminals (~index), and for every expanded node a mark
-    (_CLOSE + its number) where its subtree ends.
+    (_CLOSE + its number) where its subtree ends. (Arrays are the caller's: Numba pays for growing one in a loop with
+    reference counts in every round, which made this six times as slow.)
     """
     rule_first, production_first, symbols = g.rule_first, g.production_first, g.symbols
-    limit = len(codons) * (max_wraps + 1)
-    stack = np.empty(64, dtype=np.int32)
-    terminals = np.empty(256, dtype=np.int32)
-    nodes = np.empty((256, 3), dtype=np.int32)
+    limit, size = len(codons) * (max_wraps + 1), len(codons)
+    longest = 1
+    for i in range(len(production_first) - 1):
+        longest = max(longest, production_first[i + 1] - production_first[i])
+    room = len(stack) - longest - 2  # what one round may add
     stack[0], height = start, 1
     n_terminals, n_nodes, used, depth, open_nodes = 0, 0, 0, 0, 0
+    status = _DONE
     while height > 0:
         height -= 1
         symbol = stack[height]
@@ -61,23 +84,18 @@ def _derive(
             nodes[symbol - _CLOSE, 2] = used
             open_nodes -= 1
         elif symbol < 0:
-            if n_terminals == len(terminals):
-                terminals = np.append(terminals, np.empty_like(terminals))
             terminals[n_terminals] = ~symbol
             n_terminals += 1
         else:
             production, choices = rule_first[symbol], rule_first[symbol + 1] - rule_first[symbol]
-            if n_nodes == len(nodes):
-                nodes = np.concatenate((nodes, np.empty_like(nodes)))
             nodes[n_nodes, 0], nodes[n_nodes, 1] = symbol, used
             if choices > 1:
                 if used == limit:
-                    return terminals[:0], nodes[:0], used, depth, False
-                production += codons[used % len(codons)] % choices
+                    status = _NO_CODONS
+                    break
+                production += codons[used % size] % choices
                 used += 1
             first, last = production_first[production], production_first[production + 1]
-            while height + last - first + 1 > len(stack):
-                stack = np.append(stack, np.empty_like(stack))
             stack[height] = _CLOSE + n_nodes
             height += 1
             for i in range(last - 1, first - 1, -1):
@@ -86,7 +104,7 @@ def _derive(
             n_nodes += 1
             open_nodes += 1
             depth = max(depth, open_nodes)
-    return terminals[:n_terminals], nodes[:n_nodes], used, depth, True
-
-
-_CLOSE = 1 << 24  # above every rule index
+        if max(height, n_terminals, n_nodes) >= room:
+            status = _NO_ROOM
+            break
+    return status, n_terminals, n_nodes, used, depth

@@ -12,7 +12,7 @@ from harness.errors import PolicyError, nearest
 from harness.policy.alpha import AlphaVectorPolicy, read
 from harness.policy.base import Policy
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
-from harness.policy.program import ProgramPolicy
+from harness.policy.program import ProgramPolicy, stored_program
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
 from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
 from harness.program import parse, words_of
@@ -20,6 +20,8 @@ from harness.program import parse, words_of
 __all__ = ["Policy", "default_specs", "make", "named", "specs"]
 
 SOLVED = ("qmdp", "sarsop", "native-sarsop")
+EVOLVED = {"ge": "evolved by the paper's grammar", "ge-feedback": "evolved by a grammar with feedback"}
+"""Programs of our own runs, kept with the package where there is one for a domain."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,19 @@ def _solved(word: str) -> Callable[[Domain, str], Policy]:
     return build
 
 
+def _evolved(word: str) -> Callable[[Domain, str], Policy]:
+    def build(domain: Domain, text: str) -> Policy:
+        path = registry.program_path(domain.name, word)
+        if not path.exists():
+            raise PolicyError(
+                f"no {word} program is kept for {domain.name}; evolve one (harness evolve {domain.name} --out DIR) "
+                f"and name it: program:DIR/best.txt"
+            )
+        return ProgramPolicy(stored_program(path, domain))
+
+    return build
+
+
 _KINDS = (
     _Kind("random", "uniform over all actions", lambda d, _: RandomPolicy()),
     _Kind("random-legal", "uniform over the legal actions", lambda d, _: RandomLegalPolicy()),
@@ -110,6 +125,7 @@ _KINDS = (
         f"{BELIEF_DEFAULT}",
         "rocksample",
     ),
+    *(_Kind(word, what, _evolved(word)) for word, what in EVOLVED.items()),
     *(_Kind(word, f"alpha vectors solved by {word} in Julia", _solved(word)) for word in SOLVED),
     _Kind("alpha", "alpha vectors of a file written by harness solve", _from_file, needs_file=True),
     _Kind("program", "a script in the program language", _program, needs_file=True),
@@ -117,11 +133,11 @@ _KINDS = (
 
 
 def _usable(domain: Domain) -> list[_Kind]:
-    """The kinds that mean something on a domain, solved ones only where a solution is stored."""
+    """The kinds that mean something on a domain; solved and evolved ones where there is one with the package."""
+    kept = [word for word in SOLVED if registry.policy_path(domain.name, word).exists()]
+    kept += [word for word in EVOLVED if registry.program_path(domain.name, word).exists()]
     return [
-        kind
-        for kind in _KINDS
-        if kind.suits(domain) and (kind.word not in SOLVED or registry.policy_path(domain.name, kind.word).exists())
+        kind for kind in _KINDS if kind.suits(domain) and (kind.word in kept or kind.word not in (*SOLVED, *EVOLVED))
     ]
 
 

@@ -2,15 +2,39 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.batch import Batch
-from harness.program import Program
+from harness.domain import Domain
+from harness.errors import PolicyError
+from harness.program import Program, parse, words_of
 from harness.program.machine import next_action
 from harness.tables import STOP, Records, compiled
 
 _ENDED = -1  # instead of a place in the program
+
+
+def stored_program(path: Path, domain: Domain) -> Program:
+    """The program of a ``best.json``, as a run of evolution writes it.
+
+    Raises:
+        PolicyError: the file is damaged, or the program was evolved on another model.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        text, model = "\n".join(record["program"]), record["model_hash"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise PolicyError(f"{path}: not a readable best.json of a run; evolve the program again") from None
+    if model != domain.model_hash:
+        raise PolicyError(
+            f"{path}: evolved on {record.get('domain')} version {record.get('domain_version')}, another model than "
+            f"{domain.name} version {domain.version}; evolve it again"
+        )
+    return parse(text, words_of(domain), source=str(path))
 
 
 class ProgramPolicy:
