@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from harness.policy import Policy
     from harness.registry import load, names
     from harness.show import replay
+    from harness.tuning import Tunable, sweep, tune
 
 __all__ = [
     "Batch",
@@ -37,6 +38,7 @@ __all__ = [
     "PolicyError",
     "Score",
     "SnapshotError",
+    "Tunable",
     "check_domain",
     "compare",
     "evaluate",
@@ -44,6 +46,8 @@ __all__ = [
     "load",
     "names",
     "replay",
+    "sweep",
+    "tune",
 ]
 
 _HOME = {
@@ -53,6 +57,7 @@ _HOME = {
     "Evaluation": "evaluation",
     "Policy": "policy",
     "Score": "evaluation",
+    "Tunable": "tuning",
     "check_domain": "check",
     "compare": "comparison",
     "evaluate": "evaluation",
@@ -60,6 +65,8 @@ _HOME = {
     "load": "registry",
     "names": "registry",
     "replay": "show",
+    "sweep": "tuning",
+    "tune": "tuning",
 }
 
 

@@ -8,9 +8,9 @@ import os
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +33,26 @@ def digest(arrays: Mapping[str, NDArray[Any]], record: Any) -> str:
 
 
 def write(path: Path, kind: str, record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write an archive atomically: a temporary file in the same folder, then a rename."""
+    """Write an archive atomically."""
     stored = {"kind": kind, "format": FORMAT, **record}
     stored["content_hash"] = digest(arrays, stored)
+
+    def fill(file: IO[bytes]) -> None:
+        np.savez_compressed(file, record=np.array(json.dumps(stored)), **arrays)  # type: ignore[arg-type]
+
+    replace(path, fill)
+
+
+def replace(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
+    """Write a file atomically: ``fill`` writes a temporary file in the same folder, which is then renamed.
+
+    Killed at any moment, the file at ``path`` is the whole old one or the whole new one.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, record=np.array(json.dumps(stored)), **arrays)  # type: ignore[arg-type]
+            fill(file)
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException:

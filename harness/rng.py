@@ -12,6 +12,15 @@ from numpy.typing import NDArray
 ENGINE, POLICY = 0, 1
 """Streams: the engine's (next states, observations), and the policies' own, which no policy choice can mix."""
 
+TUNER = 1 << 31
+"""Stream of the tuning methods' own draws (perturbations, candidates)."""
+
+TRAINING = 1 << 62
+"""Added to the seed of everything that learns, so that it never meets an episode that people score with."""
+
+HELD_OUT = 1 << 61
+"""Added to the seed of the fresh episodes on which what was learnt is scored."""
+
 _BLOCK = 4  # Philox makes four 64-bit numbers for each value of its counter
 
 
@@ -20,7 +29,16 @@ def uniforms(seed: int, stream: int, step: int, first: int, count: int) -> NDArr
 
     ``step`` is 0 for the reset and t for the t-th step.
     """
-    bits = np.random.Philox(key=[seed, (stream << 32) | step])
+    bits = _philox(seed, stream, step)
     bits.advance(first // _BLOCK)
     skip = first % _BLOCK
     return np.random.Generator(bits).random(skip + count)[skip:]
+
+
+def generator(seed: int, stream: int, step: int) -> np.random.Generator:
+    """A generator for draws that belong to no episode; the same whenever it is made from the same numbers."""
+    return np.random.Generator(_philox(seed, stream, step))
+
+
+def _philox(seed: int, stream: int, step: int) -> np.random.Philox:
+    return np.random.Philox(key=[seed, (stream << 32) | step])
