@@ -41,4 +41,5 @@ def generator(seed: int, stream: int, step: int) -> np.random.Generator:
 
 
 def _philox(seed: int, stream: int, step: int) -> np.random.Philox:
-    return np.random.Philox(key=[seed, (stream << 32) | step])
+    key = np.array([seed, (stream << 32) | step], dtype=np.uint64)  # a plain list above 2**63 would be read as floats
+    return np.random.Philox(key=key)

@@ -29,7 +29,7 @@ class CmaEs:
     tolerance: float = setting(0.001, 0)
     """Stop when the distribution is narrower than this share of each number's range."""
     patience: int = setting(10, 1)
-    """Stop when as many generations find the same return at every candidate; until then the distribution widens."""
+    """Stop when as many generations find the same return at every candidate: a plateau."""
     iterations: int = setting(60, 1)
     episodes: int = setting(10_000, 2)
     """At each point."""

@@ -60,7 +60,7 @@ class Journal:
             return
         path = self.folder / CONFIG
         if resume:
-            _same(read_config(self.folder), config, self.folder)
+            check_same(read_config(self.folder)["run"], config["run"], self.folder)
             self._iterations = self._read()
         elif path.exists() or (self.folder / HISTORY).exists():
             raise HarnessError(f"{self.folder} already holds a run; go on with --resume {self.folder}, or name another")
@@ -175,8 +175,12 @@ def read_config(folder: Path) -> dict[str, Any]:
     return config
 
 
-def _same(stored: Mapping[str, Any], given: Mapping[str, Any], folder: Path) -> None:
-    old, new = stored["run"], given["run"]
+def check_same(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> None:
+    """Check that the parameters of a run in a folder (``old``) are those given now.
+
+    Raises:
+        HarnessError: one differs.
+    """
     for name in {**old, **new}:
         if old.get(name) != new.get(name) and name == "model_hash":
             raise HarnessError(f"the run in {folder} was made on another version of the domain; start anew elsewhere")

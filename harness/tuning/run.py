@@ -165,6 +165,8 @@ def resume(folder: str | Path, **given: Any) -> Tuned:
     """
     stored = dict(journal.read_config(Path(folder))["run"])
     stored.pop("model_hash", None)
+    if "method" in given:  # before the settings, which belong to it
+        journal.check_same({"method": stored.get("method")}, {"method": given["method"]}, Path(folder))
     try:
         domain = registry.load(given.pop("domain", stored.pop("domain"))).shaped(stored.pop("shaping"))
         return tune(domain, out=folder, resume=True, **(stored | given))

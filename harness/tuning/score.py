@@ -24,8 +24,8 @@ class ScoreFunction(Ascent):
     """
 
     spread: float = setting(0.01, 1e-9)
-    """s, the temperature: how soft the thresholds are. The result is the best *soft* threshold: wider than the structure
-    of the return (hundredths, for the heuristics), and a cliff nearby, as at belief:1, pushes it away."""
+    """s, the temperature: how soft the thresholds are. The result is the best *soft* threshold: where s is wider than
+    the structure of the return (hundredths, for the heuristics), a cliff nearby, as at belief:1, pushes it away."""
     pairs: int = setting(50, 1)
     """Draws ±z an iteration."""
     episodes: int = setting(100, 2)

@@ -66,8 +66,10 @@ def sweep(
     low, high = float(subject.lower[k]), float(subject.upper[k])
     if values is None:
         values = _grid(low if start is None else start, high if stop is None else stop, points)
-    wrong = [x for x in values if not low <= x <= high]
-    if wrong:
+    if len(values) == 0:
+        raise HarnessError("a sweep needs values")
+    wrong = [x for x in (values[0], values[-1], *values) if not low <= x <= high]
+    if wrong:  # the ends first: they are what the user gave
         raise HarnessError(f"{subject.names[k]} lies between {low:g} and {high:g}; {wrong[0]:g} is out of range")
     rows = []
     hide = None if progress else True  # None: show it on a terminal only
