@@ -514,6 +514,11 @@ class TestMisuse:
         assert "config.json is damaged" in self.misuse(capsys, "tune", "--resume", folder)
         assert (folder / "config.json").read_text() == text
 
+    def test_a_changed_configuration_is_refused(self, capsys, folder):
+        path = folder / "config.json"
+        path.write_text(path.read_text().replace('"epsilon": 0.01', '"epsilon": "x"'))
+        assert "config.json is damaged" in self.misuse(capsys, "tune", "--resume", folder)
+
 
 def test_every_setting_is_in_the_configuration():
     for kind in METHODS.values():

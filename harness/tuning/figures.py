@@ -17,36 +17,48 @@ from harness.evaluation import Z95
 
 _LINE, _SECOND = "#1f4e79", "#a65000"
 _DPI = 200
+_NEAR = 0.15  # of the best return: what counts as near the top
 
 
 def sweep_figure(table: pd.DataFrame, title: str = "") -> Figure:
     """Mean undiscounted return over the number swept, with its 95 % band, as a matplotlib figure.
 
-    ``table`` is what :func:`harness.sweep` returns. The highest point is named.
+    ``table`` is what :func:`harness.sweep` returns. Above, the whole range; below, what lies near the top, where the
+    band can be seen. The highest point is named.
     """
-    figure = _figure(6.3, 3.9)
-    axes = figure.add_subplot()
-    name = str(table.columns[1])
-    x, mean, half = table[name], table["mean"], Z95 * table["sem"]
+    figure = _figure(6.3, 5.4)
+    whole, top = figure.subplots(2, 1, sharex=True)
+    for axes in (whole, top):
+        _sweep_line(axes, table)
+        axes.set_ylabel("undiscounted return (reward)")
+        _plain(axes)
+    best = table.iloc[int(table["mean"].argmax())]
+    name, half = str(table.columns[1]), Z95 * float(best["sem"])
+    low = max(float((table["mean"] - Z95 * table["sem"]).min()), best["mean"] - _NEAR * abs(best["mean"]))
+    room = 0.12 * (best["mean"] - low) or 1.0
+    top.set_ylim(low - room, best["mean"] + half + 2 * room)
+    top.annotate(
+        f"{best['mean']:.2f} ± {best['sem']:.2f} at {best[name]:g}",
+        (best[name], best["mean"] + half),
+        textcoords="offset points",
+        xytext=(0, 5),
+        ha="right" if best[name] > table[name].mean() else "left",
+        color=_SECOND,
+        fontsize=9,
+    )
+    top.set_xlabel(f"{name} (no unit)")
+    whole.set_title(title, fontsize=10)
+    whole.legend(frameon=False, loc="best", fontsize=8)
+    return figure
+
+
+def _sweep_line(axes: Axes, table: pd.DataFrame) -> None:
+    x, mean, half = table.iloc[:, 1], table["mean"], Z95 * table["sem"]
     axes.fill_between(x, mean - half, mean + half, color=_LINE, alpha=0.2, linewidth=0, label="95 % interval")
     axes.plot(x, mean, color=_LINE, linewidth=1.4, label=f"mean of {int(table['episodes'].iloc[0]):,} episodes")
-    best = table.iloc[int(mean.argmax())]
-    axes.plot([best[name]], [best["mean"]], "o", color=_SECOND, markersize=5)
-    axes.annotate(
-        f"{best['mean']:.2f} ± {best['sem']:.2f} at {best[name]:g}",
-        (best[name], best["mean"]),
-        textcoords="offset points",
-        xytext=(0, 9),
-        ha="right" if best[name] > x.mean() else "left",
-        color=_SECOND,
-    )
-    axes.margins(x=0.01, y=0.15)
-    axes.set_xlabel(f"{name} (probability)")
-    axes.set_ylabel("undiscounted return (reward)")
-    axes.set_title(title, fontsize=10)
-    axes.legend(frameon=False, loc="best", fontsize=8)
-    _plain(axes)
-    return figure
+    k = int(mean.argmax())
+    axes.plot([x.iloc[k]], [mean.iloc[k]], "o", color=_SECOND, markersize=5)
+    axes.margins(x=0.01)
 
 
 def history_figure(history: pd.DataFrame, names: Sequence[str], measure: str) -> Figure:
@@ -60,6 +72,11 @@ def history_figure(history: pd.DataFrame, names: Sequence[str], measure: str) ->
         history["iteration"], history["value"], yerr=Z95 * history["sem"], fmt="o", color=_LINE, markersize=2.5,
         elinewidth=0.6, label="points played, 95 % interval",
     )  # fmt: skip
+    best = float(history["value"].max())
+    low = best - _NEAR * abs(best)
+    if (hidden := int((history["value"] < low).sum())) > 0:
+        above.set_ylim(bottom=low)
+        above.set_title(f"{hidden} of {len(history)} points lie below", fontsize=8, loc="right")
     unit = "discounted" if measure == "discounted" else "undiscounted"
     above.set_ylabel(f"{unit} return (reward)")
     above.legend(frameon=False, loc="best", fontsize=8)

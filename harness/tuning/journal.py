@@ -60,12 +60,12 @@ class Journal:
             return
         path = self.folder / CONFIG
         if resume:
-            check_same(read_config(self.folder)["run"], config["run"], self.folder)
+            check_same(read_parameters(self.folder), config["run"], self.folder)
             self._iterations = self._read()
         elif path.exists() or (self.folder / HISTORY).exists():
             raise HarnessError(f"{self.folder} already holds a run; go on with --resume {self.folder}, or name another")
         else:
-            _write(path, json.dumps(config, indent=2) + "\n")
+            _write(path, json.dumps({**config, "hash": archive.digest({}, config["run"])}, indent=2) + "\n")
 
     def answers(self, ask: Ask) -> tuple[Vector, Vector] | None:
         """Values and standard errors, (n,) each, where the next iteration is in the journal already; else None."""
@@ -96,11 +96,6 @@ class Journal:
             raise self._damaged(f"it goes on after iteration {self._told - 1}, where the run stopped")
         if self.folder is not None:
             _write(self.folder / RESULT, json.dumps(result, indent=2) + "\n")
-
-    @property
-    def stored(self) -> int:
-        """Number of iterations in the journal."""
-        return len(self._iterations)
 
     def table(self) -> pd.DataFrame:
         """All rows; not-a-number where a method has no such thing."""
@@ -157,8 +152,8 @@ class Journal:
         )
 
 
-def read_config(folder: Path) -> dict[str, Any]:
-    """The parameters of the run in a folder.
+def read_parameters(folder: Path) -> dict[str, Any]:
+    """The parameters of the run in a folder, its ``run`` in ``config.json``.
 
     Raises:
         HarnessError: there is no run, or its file is damaged.
@@ -170,9 +165,10 @@ def read_config(folder: Path) -> dict[str, Any]:
         raise HarnessError(f"{folder} holds no run to resume (there is no {CONFIG}); start one with --out") from None
     except (OSError, ValueError):
         config = None
-    if not isinstance(config, dict) or not isinstance(config.get("run"), dict):
-        raise HarnessError(f"{path} is damaged: it is no configuration of a run; start anew in another folder")
-    return config
+    run = config.get("run") if isinstance(config, dict) else None
+    if not isinstance(run, dict) or config.get("hash") != archive.digest({}, run):
+        raise HarnessError(f"{path} is damaged, or was changed by hand; start anew in another folder")
+    return run
 
 
 def check_same(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> None:

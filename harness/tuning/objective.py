@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -41,8 +40,6 @@ class Episodes:
     measure: str
     engine: str = "auto"
     workers: int | None = None
-    progress: Callable[[int], object] | None = None
-    """Called with the number of episodes finished since the last call."""
 
     def __call__(self, ask: Ask) -> NDArray[np.float64]:
         """(n, episodes) returns by :attr:`measure`, as the domain's shaping pays them."""
@@ -65,7 +62,6 @@ class Episodes:
             horizon=self.horizon,
             engine=self.engine,
             workers=self.workers,
-            progress=self.progress,
         )
 
 

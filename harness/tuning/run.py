@@ -116,15 +116,11 @@ def tune(
     engine = engines.choose(engine, domain)
     subject = tunable(policy, domain)
     objective.check(measure, seed)
-    if method not in METHODS:
-        raise HarnessError(f"no method '{method}'{nearest(method, METHODS)} (known: {', '.join(METHODS)})")
-    for name, count in (("horizon", horizon), ("final_episodes", final_episodes)):
-        if count < 2:
-            raise HarnessError(f"{name} must be 2 or more, not {count}")
+    _check_counts(horizon=horizon, final_episodes=final_episodes)
     if resume and out is None:
         raise HarnessError("resume needs the folder of the run: out")
-    search = configure(METHODS[method], subject, seed, settings)
-    run = {
+    search = _method(method, subject, seed, settings)
+    parameters = {
         "domain": domain.name,
         "shaping": domain.shaping,
         "policy": subject.text(subject.start),
@@ -136,20 +132,33 @@ def tune(
         **settings_of(search),
         "model_hash": domain.model_hash,
     }
-    config = {"run": run, "versions": _versions(), "engine": engine}
+    config = {"run": parameters, "versions": _versions(), "engine": engine}
     kept = journal.Journal(subject.names, None if out is None else Path(out))
     kept.begin(config, resume)
     hide = None if progress else True  # None: show it on a terminal only
-    with tqdm(desc=f"{method} {run['policy']}", unit="episode", unit_scale=True, leave=False, disable=hide) as bar:
-        played = Episodes(domain, subject, seed, horizon, measure, engine, workers, bar.update)
+    with tqdm(desc=f"{method} from {parameters['policy']}", unit=" iterations", leave=False, disable=hide) as bar:
+        played = Episodes(domain, subject, seed, horizon, measure, engine, workers)
 
-        def show(iteration: int, theta: Vector, value: float) -> None:
-            bar.set_postfix_str(f"iteration {iteration + 1}, {_numbers(theta)}, {measure} {value:.2f}")
+        def show(theta: Vector, value: float) -> None:
+            bar.set_postfix_str(f"θ {' '.join(f'{x:.3f}' for x in theta)}, {measure} {value:.2f}")
+            bar.update()
 
         stopped, last = climb(search, played, kept, show)
-        best = _best(subject, search.theta, played, last, final_episodes)
+    best = _best(subject, search.theta, played, last, final_episodes)
     kept.finish({"stopped": stopped, "policy": best.policy, "theta": best.theta, **_scores(best)})
     return Tuned(method, config, kept.table(), best, stopped)
+
+
+def _method(name: str, subject: Tunable, seed: int, settings: Mapping[str, float]) -> Method:
+    if name not in METHODS:
+        raise HarnessError(f"no method '{name}'{nearest(name, METHODS)} (known: {', '.join(METHODS)})")
+    return configure(METHODS[name], subject, seed, settings)
+
+
+def _check_counts(**counts: int) -> None:
+    for name, count in counts.items():
+        if count < 1:
+            raise HarnessError(f"{name} must be 1 or more, not {count}")
 
 
 def resume(folder: str | Path, **given: Any) -> Tuned:
@@ -163,22 +172,20 @@ def resume(folder: str | Path, **given: Any) -> Tuned:
         HarnessError: there is no run, it is damaged, it was started with other parameters, or with objects that only a
             program can make anew (call :func:`tune` with them and ``resume=True``).
     """
-    stored = dict(journal.read_config(Path(folder))["run"])
-    stored.pop("model_hash", None)
+    stored = journal.read_parameters(Path(folder))
+    stored.pop("model_hash")
     if "method" in given:  # before the settings, which belong to it
-        journal.check_same({"method": stored.get("method")}, {"method": given["method"]}, Path(folder))
-    try:
-        domain = registry.load(given.pop("domain", stored.pop("domain"))).shaped(stored.pop("shaping"))
-        return tune(domain, out=folder, resume=True, **(stored | given))
-    except (KeyError, TypeError):
-        raise HarnessError(f"{Path(folder) / journal.CONFIG} is damaged; start anew in another folder") from None
+        journal.check_same({"method": stored["method"]}, {"method": given["method"]}, Path(folder))
+    named, shaping = stored.pop("domain"), stored.pop("shaping")
+    domain = registry.load(given.pop("domain", named)).shaped(shaping)
+    return tune(domain, out=folder, resume=True, **(stored | given))
 
 
 def climb(
     search: Method,
     played: Objective,
     kept: journal.Journal,
-    show: Callable[[int, Vector, float], object] = lambda iteration, theta, value: None,
+    show: Callable[[Vector, float], object] = lambda theta, value: None,
 ) -> tuple[str, tuple[int, int]]:
     """Run a method to its end; why it stopped, and the last iteration's first episode and their number at a point."""
     for iteration in range(search.iterations):
@@ -189,7 +196,7 @@ def climb(
         values, sems = known
         move = search.tell(iteration, ask, values)
         kept.tell(theta, ask, values, sems, move)
-        show(iteration, search.theta, float(values.mean()))
+        show(search.theta, float(values.mean()))
         if move.stop:
             break
     last = int(ask.first.min()), int(ask.first.max() - ask.first.min()) + ask.episodes
@@ -222,10 +229,6 @@ def _best(subject: Tunable, theta: Vector, played: Episodes, last: tuple[int, in
 
 def _scores(best: Best) -> dict[str, Any]:
     return {"training": best.training._asdict(), "fresh": best.score._asdict()}
-
-
-def _numbers(theta: Vector) -> str:
-    return "θ " + " ".join(f"{x:.3f}" for x in theta)
 
 
 def _versions() -> dict[str, str]:
