@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from harness.registry import load, names
     from harness.show import replay
     from harness.tuning import Tunable, sweep, tune
+    from harness.tuning.figures import sweep_figure
 
 __all__ = [
     "Batch",
@@ -47,6 +48,7 @@ __all__ = [
     "names",
     "replay",
     "sweep",
+    "sweep_figure",
     "tune",
 ]
 
@@ -66,6 +68,7 @@ _HOME = {
     "names": "registry",
     "replay": "show",
     "sweep": "tuning",
+    "sweep_figure": "tuning.figures",
     "tune": "tuning",
 }
 

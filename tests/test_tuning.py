@@ -455,6 +455,8 @@ class TestMisuse:
             (["tune", "rocksample-7x8", "--policy", "belief", "--set", "epsilon"], "not of the form NAME=X"),
             (["tune", "rocksample-7x8", "--policy", "belief", "--seed", 2**61], "seed must be"),
             (["tune", "rocksample-7x8", "--policy", "belief", "--out", "/dev/null/x"], "cannot write"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", "seed=3"], "use --seed"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", "workers=3"], "workers is no setting"),
             (["tune", "--resume", "no-such-folder"], "holds no run to resume"),
             (["sweep", "rocksample-7x8", "--policy", "belief", "--to", "1.5"], "1.5 is out of range"),
             (["sweep", "rocksample-7x8", "--policy", "belief", "--from", "0.9", "--to", "0.8"], "goes upward"),

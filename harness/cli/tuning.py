@@ -120,7 +120,11 @@ def _keep_sweep(table: pd.DataFrame, options: argparse.Namespace) -> None:
 def _tune(options: argparse.Namespace) -> None:
     folder = options.resume or options.out
     named = ("method", "measure", "seed", "horizon")
-    given = {name: value for name in named if (value := getattr(options, name)) is not None} | dict(options.set)
+    given = {name: value for name in named if (value := getattr(options, name)) is not None}
+    for name, value in options.set:
+        if hasattr(options, name) or name in ("workers", "progress"):
+            raise HarnessError(f"{name} is no setting of a method{f'; use --{name}' if hasattr(options, name) else ''}")
+        given[name] = value
     try:
         result = _run(options, given)
     except KeyboardInterrupt:
