@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -213,15 +213,7 @@ def _best(subject: Tunable, theta: Vector, played: Episodes, last: tuple[int, in
     rounded = np.clip(np.round(theta, DECIMALS), subject.lower, subject.upper)
     first, count = last
     training = played.play(rounded, count, rng.TRAINING + played.seed, first).score
-    true = Episodes(
-        played.domain.shaped("none"),
-        subject,
-        played.seed,
-        played.horizon,
-        played.measure,
-        played.engine,
-        played.workers,
-    )
+    true = replace(played, domain=played.domain.shaped("none"))
     fresh = true.play(rounded, episodes, rng.HELD_OUT + played.seed).score
     named = {name: float(x) for name, x in zip(subject.names, rounded, strict=True)}
     return Best(named, subject.text(rounded), fresh, training)
