@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from harness.registry import load, names
     from harness.regression.checking import check_scores, update_scores
     from harness.show import replay
+    from harness.tuning import Tunable, sweep, tune
+    from harness.tuning.figures import sweep_figure
 
 __all__ = [
     "Batch",
@@ -39,6 +41,7 @@ __all__ = [
     "PolicyError",
     "Score",
     "SnapshotError",
+    "Tunable",
     "check_domain",
     "check_scores",
     "compare",
@@ -49,6 +52,9 @@ __all__ = [
     "names",
     "replay",
     "resume",
+    "sweep",
+    "sweep_figure",
+    "tune",
     "update_scores",
 ]
 
@@ -59,6 +65,7 @@ _HOME = {
     "Evaluation": "evaluation",
     "Policy": "policy",
     "Score": "evaluation",
+    "Tunable": "tuning",
     "check_domain": "check",
     "check_scores": "regression.checking",
     "compare": "comparison",
@@ -70,6 +77,9 @@ _HOME = {
     "replay": "show",
     "resume": "ge.runs",
     "update_scores": "regression.checking",
+    "sweep": "tuning",
+    "sweep_figure": "tuning.figures",
+    "tune": "tuning",
 }
 
 

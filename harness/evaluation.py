@@ -169,6 +169,7 @@ def evaluate(
     *,
     episodes: int = EPISODES,
     seed: int = 0,
+    first: int = 0,
     horizon: int = HORIZON,
     engine: str = "auto",
     workers: int | None = None,
@@ -181,6 +182,7 @@ def evaluate(
         policy: a policy string such as ``belief:0.84``, or any object with ``reset`` and ``act`` on batches.
         episodes: how many; episode k of a seed is the same whatever their number.
         seed: of the episodes.
+        first: number of the first episode; the episodes are ``first … first + episodes − 1`` of the seed.
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.
         workers: threads of the tables engine (default: one a core). The numbers do not depend on it.
@@ -191,6 +193,8 @@ def evaluate(
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
     _check_counts(episodes=episodes, horizon=horizon)
+    if first < 0:
+        raise HarnessError(f"first must be 0 or more, not {first}")
     if not 0 <= seed < 2**64:
         raise HarnessError(f"seed must be a whole number from 0 to 2**64 - 1, not {seed}")
     engine = engines.choose(engine, domain)
@@ -198,7 +202,7 @@ def evaluate(
     threads = 1 if engine == "julia" else workers or os.cpu_count() or 1
     largest = getattr(made, "batch_size", _JULIA_BATCH if engine == "julia" else _BATCH)
     size = min(largest, -(-episodes // threads))
-    chunks = [(first, min(size, episodes - first)) for first in range(0, episodes, size)]
+    chunks = [(first + done, min(size, episodes - done)) for done in range(0, episodes, size)]
     stop = threading.Event()
 
     def run(chunk: tuple[int, int]) -> _Totals:

@@ -13,10 +13,15 @@ ENGINE, POLICY, VARIATION = 0, 1, 1 << 20
 """Streams: the engine's (next states, observations), the policies' own, which no policy choice can mix (POLICY and
 up), and the variation of an evolutionary search."""
 
+
+TUNER = 1 << 31
+"""Stream of the tuning methods' own draws (perturbations, candidates)."""
+
 TRAINING = 1 << 62
-"""Added to the seed of episodes that a search (evolution, tuning) selects by: far from the seeds people score with."""
+"""Added to the seed of everything that learns, so that it never meets an episode that people score with."""
+
 HELD_OUT = 1 << 61
-"""Added to the seed of fresh episodes, which score what a search found and which it never saw."""
+"""Added to the seed of the fresh episodes on which what was learnt is scored."""
 
 _BLOCK = 4  # Philox makes four 64-bit numbers for each value of its counter
 
@@ -26,12 +31,17 @@ def uniforms(seed: int, stream: int, step: int, first: int, count: int) -> NDArr
 
     ``step`` is 0 for the reset and t for the t-th step.
     """
-    bits = np.random.Philox(key=[seed, (stream << 32) | step])
+    bits = _philox(seed, stream, step)
     bits.advance(first // _BLOCK)
     skip = first % _BLOCK
     return np.random.Generator(bits).random(skip + count)[skip:]
 
 
 def generator(seed: int, stream: int, step: int) -> np.random.Generator:
-    """A generator for whatever a step needs; it depends on nothing that was drawn before."""
-    return np.random.Generator(np.random.Philox(key=[seed, (stream << 32) | step]))
+    """A generator for draws that belong to no episode; the same whenever it is made from the same numbers."""
+    return np.random.Generator(_philox(seed, stream, step))
+
+
+def _philox(seed: int, stream: int, step: int) -> np.random.Philox:
+    key = np.array([seed, (stream << 32) | step], dtype=np.uint64)  # a plain list above 2**63 would be read as floats
+    return np.random.Philox(key=key)

@@ -198,3 +198,30 @@ class BeliefHeuristic:
         if action == "sample()":
             self.sampled.add(rock)
         return action
+
+
+class ThresholdsHeuristic:
+    """The five thresholds, rock by rock in words."""
+
+    def __init__(self, accept, reject, ahead, aside, wait):
+        self.accept, self.reject, self.ahead, self.aside, self.wait = accept, reject, ahead, aside, wait
+
+    def worth(self, cell, i, belief):
+        to_sample = _manhattan(cell, ROCKS[i]) + 1.0
+        steps = to_sample if belief >= self.accept else 1.0 + belief * to_sample  # a reading, and then perhaps the walk
+        worth = belief / steps
+        if ROCKS[i][0] > cell[0]:
+            worth *= self.wait ** float(ROCKS[i][0] - cell[0])
+        return worth
+
+    def act(self, cell, reading, beliefs):
+        rocks = [i for i in range(8) if beliefs[i] > self.reject]
+        if not rocks:
+            return "right()"
+        rock = max(rocks, key=lambda i: (self.worth(cell, i, beliefs[i]), -i))
+        if beliefs[rock] >= self.accept:
+            return _walk(cell, ROCKS[rock])
+        needed = self.ahead if ROCKS[rock][0] > cell[0] else self.aside
+        if accuracy(cell, ROCKS[rock]) >= needed:
+            return f"check({rock + 1})"
+        return _walk(cell, ROCKS[rock])

@@ -169,7 +169,7 @@ def test_a_reader_that_stops_reading_is_no_error():
 
 
 def test_importing_harness_loads_nothing_heavy():
-    heavy = "{'juliacall', 'juliapkg', 'numba', 'pandas', 'tqdm', 'tabulate'}"
+    heavy = "{'juliacall', 'juliapkg', 'numba', 'pandas', 'tqdm', 'tabulate', 'cma', 'matplotlib'}"
     script = f"import sys, harness; print({heavy} & set(sys.modules))"
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "set()"

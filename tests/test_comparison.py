@@ -80,6 +80,7 @@ def test_the_default_is_all_that_the_domain_knows(rocksample):
         "rollout:100",
         "accuracy:0.93",
         "belief:0.84",
+        "thresholds",
         "qmdp",
         "sarsop",
         "mdp",

@@ -39,3 +39,17 @@ def test_numbers_are_uniform_over_episodes_and_steps():
     expected = len(values) / 100
     chi_square = ((counts - expected) ** 2 / expected).sum()
     assert 40 < chi_square < 180  # 99 degrees of freedom: both tails beyond 1e-6
+
+
+def test_the_largest_seeds_streams_and_steps_differ_too():
+    """Each of these numbers is needed to its last bit, beyond what a float holds."""
+    keys = [(2**64 - 1, 0, 0), (2**64 - 2, 0, 0), (2**64 - 1, 0, 1), (2**62, rng.TUNER, 0), (2**62, rng.TUNER, 1)]
+    draws = [rng.uniforms(*key, 0, 100) for key in (*keys, (2**62 + 1, rng.TUNER, 1))]
+    assert len({draw.tobytes() for draw in draws}) == len(draws)
+    assert all(np.array_equal(rng.generator(*key).random(8), rng.uniforms(*key, 0, 8)) for key in keys)
+
+
+def test_what_is_trained_on_is_never_scored_on():
+    seeds = [(rng.TRAINING + k, rng.HELD_OUT + k, k) for k in (0, 1, rng.HELD_OUT - 1)]
+    assert len({seed for group in seeds for seed in group}) == 9
+    assert all(seed < 2**64 for group in seeds for seed in group)

@@ -151,3 +151,11 @@ def test_the_undiscounted_score_is_cut_at_the_horizon(rocksample):
     score = evaluate(rocksample, "exit", episodes=10, engine="tables", horizon=7).score
     assert score.mean == 10
     assert harness.evaluate("rocksample-7x8", "exit", episodes=10, horizon=6, engine="tables").score.success_rate == 0
+
+
+def test_any_stretch_of_episodes_can_be_played(rocksample):
+    whole = evaluate(rocksample, "random-legal", episodes=50, seed=3, engine="tables")
+    part = evaluate(rocksample, "random-legal", episodes=20, seed=3, first=17, engine="tables", workers=2)
+    assert np.array_equal(part.returns, whole.returns[17:37])
+    with pytest.raises(harness.HarnessError, match="first must be 0 or more"):
+        evaluate(rocksample, "random-legal", first=-1, engine="tables")

@@ -62,11 +62,8 @@ class RunFolder:
             raise HarnessError(
                 f"{self.path} holds a run already; go on with --resume {self.path}, or choose another --out"
             )
-        try:
-            files.replace_text(self.path / "grammar.bnf", grammar)
-            files.replace_json(self.path / "config.json", config)
-        except OSError as error:
-            raise HarnessError(f"cannot write to {self.path}: {error.strerror}") from None
+        files.replace_text(self.path / "grammar.bnf", grammar)
+        files.replace_json(self.path / "config.json", config)
 
     def config(self) -> dict[str, Any]:
         """What the run was told.

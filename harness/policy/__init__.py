@@ -15,6 +15,8 @@ from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyP
 from harness.policy.program import ProgramPolicy, stored_program
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
 from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
+from harness.policy.thresholds import ThresholdsPolicy
+from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
 
 __all__ = ["Policy", "default_specs", "make", "named", "specs"]
@@ -37,6 +39,8 @@ class _Kind:
     """The only layout kind it works on; empty for any."""
     needs_file: bool = False
     """Whether it is written ``word:FILE``."""
+    optional: bool = False
+    """Whether an argument may be given although there is no default one."""
 
     def suits(self, domain: Domain) -> bool:
         return self.layout in ("", domain.layout["kind"])
@@ -125,6 +129,13 @@ _KINDS = (
         f"{BELIEF_DEFAULT}",
         "rocksample",
     ),
+    _Kind(
+        "thresholds",
+        "most belief a step, read from near enough (accept=X,reject=X,ahead=X,aside=X,wait=X)",
+        lambda d, text: ThresholdsPolicy(d, **parse_thresholds(text)),
+        layout="rocksample",
+        optional=True,
+    ),
     *(_Kind(word, what, _evolved(word)) for word, what in EVOLVED.items()),
     *(_Kind(word, f"alpha vectors solved by {word} in Julia", _solved(word)) for word in SOLVED),
     _Kind("alpha", "alpha vectors of a file written by harness solve", _from_file, needs_file=True),
@@ -166,7 +177,7 @@ def make(spec: str, domain: Domain) -> tuple[str, Policy]:
     kind = kinds[word]
     if not kind.suits(domain):
         raise PolicyError(f"policy '{word}' needs a {kind.layout} domain, {domain.name} is none (there: {known})")
-    if colon and not kind.argument and not kind.needs_file:
+    if colon and not kind.argument and not kind.needs_file and not kind.optional:
         raise PolicyError(f"policy '{word}' takes no parameter, but '{spec}' gives one")
     argument = text if colon else kind.argument
     return (f"{word}:{argument}" if argument else word), kind.make(domain, argument)

@@ -15,11 +15,13 @@ ACCURACY_DEFAULT = 0.93
 BELIEF_DEFAULT = 0.84
 
 
-class _Map(NamedTuple):
+class RockMap(NamedTuple):
     """What the heuristics know of a RockSample domain, by visible value (V of them) and rock (K)."""
 
     distance: NDArray[np.int64]
     """(V, K) Manhattan distance."""
+    ahead: NDArray[np.int64]
+    """(V, K) columns that the rock lies nearer the exit; 0 for none."""
     toward: NDArray[np.int32]
     """(V, K) the move toward the rock, column first, then row; sample() on it."""
     accuracy: NDArray[np.float64]
@@ -32,12 +34,14 @@ class _Map(NamedTuple):
     """Observation of a good rock."""
 
 
-def _map_of(domain: Domain) -> _Map:
+def rock_map(domain: Domain) -> RockMap:
+    """The map of a RockSample domain."""
     away = np.array(domain.layout["rocks"]) - domain.visible_values[:, None, :].astype(np.int64)  # (V, K, 2)
     dx, dy = away[..., 0], away[..., 1]
     steps = [domain.action(name) for name in ("right()", "left()", "up()", "down()")]
-    return _Map(
+    return RockMap(
         distance=np.abs(dx) + np.abs(dy),
+        ahead=np.maximum(dx, 0),
         toward=np.select([dx > 0, dx < 0, dy > 0, dy < 0], steps, domain.action("sample()")).astype(np.int32),
         accuracy=0.5 + 0.5 * 2.0 ** (-np.hypot(dx, dy) / domain.layout["half_efficiency_distance"]),
         right=domain.action("right()"),
@@ -60,7 +64,7 @@ class AccuracyPolicy:
     def __init__(self, domain: Domain, threshold: float = ACCURACY_DEFAULT) -> None:
         """``threshold``: λ in [0.5, 1]."""
         self.threshold = threshold
-        self._map = _map_of(domain)
+        self._map = rock_map(domain)
 
     def reset(self, batch: Batch) -> None:
         """Forget all readings."""
@@ -86,7 +90,7 @@ class BeliefPolicy:
     def __init__(self, domain: Domain, threshold: float = BELIEF_DEFAULT) -> None:
         """``threshold``: γ in [0.5, 1]."""
         self.threshold = threshold
-        self._map = _map_of(domain)
+        self._map = rock_map(domain)
 
     def reset(self, batch: Batch) -> None:
         """No rock has been sampled yet."""
@@ -107,7 +111,7 @@ _OPEN, _GOOD, _DISMISSED = 0, 1, 2  # what Algorithm 2 holds of a rock: unread, 
 
 @compiled
 def _accuracy_act(
-    m: _Map,
+    m: RockMap,
     threshold: float,
     visible: NDArray[np.int32],
     observation: NDArray[np.int32],
@@ -143,7 +147,7 @@ def _accuracy_act(
 
 @compiled
 def _belief_act(
-    m: _Map,
+    m: RockMap,
     threshold: float,
     columns: NDArray[np.int64],
     visible: NDArray[np.int32],

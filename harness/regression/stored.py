@@ -146,10 +146,7 @@ def write(path: Path, scores: Iterable[StoredScore]) -> None:
     text = _without_stored(path.read_text(encoding="utf-8")) if path.exists() else ""
     blocks = "\n".join(_block(score) for score in scores)
     head = f"{text.rstrip()}\n\n" if text.strip() else ""
-    try:
-        files.replace_text(path, f"{head}{NOTE}\n\n{blocks}")
-    except OSError as error:
-        raise HarnessError(f"cannot write {path}: {error.strerror}") from None
+    files.replace_text(path, f"{head}{NOTE}\n\n{blocks}")
 
 
 def _block(score: StoredScore) -> str:

@@ -1,0 +1,90 @@
+"""The ask-and-tell contract between a way of tuning and whatever plays the episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import HarnessError, nearest
+from harness.tuning.tunable import Tunable, Vector
+
+
+@dataclass(frozen=True)
+class Ask:
+    """Points at which the return is wanted."""
+
+    points: NDArray[np.float64]
+    """(n, d), each within the bounds."""
+    first: NDArray[np.int64]
+    """(n,) number of each point's first episode. Points with the same one meet the same episodes: common random
+    numbers."""
+    episodes: int
+    """How many, at each point."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """What a method made of the answers."""
+
+    step: float
+    """Length of the move, the largest over the d numbers."""
+    rate: float = math.nan
+    """Step size in use: α_t of the paper, a_k of SPSA, σ of CMA-ES."""
+    gradient: Vector | None = None
+    """(d,) as estimated, before clipping."""
+    velocity: Vector | None = None
+    """(d,) v of the paper's eq. 4, after clipping."""
+    stop: str = ""
+    """Why the method has finished, as the end of a sentence; empty to go on."""
+
+
+class Method(Protocol):
+    """A way uphill. Deterministic: the same answers give the same questions, in any process.
+
+    Its settings are dataclass fields made by :func:`setting`.
+    """
+
+    theta: Vector
+    """(d,) where it stands: the result, once it has finished."""
+    iterations: int
+    """The most it may ask."""
+
+    def ask(self, iteration: int) -> Ask:
+        """The points of an iteration, counted from 0."""
+
+    def tell(self, iteration: int, ask: Ask, values: Vector) -> Move:
+        """Move on. ``values``: (n,) mean return at each point asked for."""
+
+
+def setting(default: float, low: float, high: float = math.inf) -> Any:
+    """A field of a method: a number in [low, high] that a user may set; a whole number where the default is one."""
+    return field(default=default, metadata={"low": low, "high": high})
+
+
+def settings_of(method: Any) -> dict[str, float]:
+    """Names and values of a method's settings (for the class: the defaults)."""
+    return {f.name: getattr(method, f.name) for f in fields(method) if "low" in f.metadata}
+
+
+def configure(kind: type[Any], subject: Tunable, seed: int, settings: Mapping[str, Any]) -> Method:
+    """A method of the class ``kind`` with its settings checked.
+
+    Raises:
+        HarnessError: a setting is unknown, of the wrong type or out of range.
+    """
+    known = {f.name: f for f in fields(kind) if "low" in f.metadata}
+    for name, value in settings.items():
+        if name not in known:
+            raise HarnessError(f"no setting '{name}'{nearest(name, known)} (of this method: {', '.join(known)})")
+        low, high = known[name].metadata["low"], known[name].metadata["high"]
+        whole = isinstance(known[name].default, int)
+        if not isinstance(value, int if whole else (int, float)) or isinstance(value, bool) or not low <= value <= high:
+            limit = f"of {low:g} or more" if high == math.inf else f"from {low:g} to {high:g}"
+            raise HarnessError(f"{name} must be a {'whole number' if whole else 'number'} {limit}, not {value}")
+    method: Method = kind(subject, seed, **settings)
+    return method

@@ -1,0 +1,82 @@
+"""The return as a function of a policy's numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness import rng
+from harness.domain import Domain
+from harness.errors import HarnessError, nearest
+from harness.evaluation import Evaluation, evaluate
+from harness.tuning.method import Ask
+from harness.tuning.tunable import Tunable, Vector
+
+MEASURES = ("return", "discounted")
+"""What is maximised: the undiscounted return within the horizon (the paper's), or the discounted one."""
+
+SEEDS = rng.HELD_OUT
+"""Seeds of runs lie below this, so that training, held-out and everybody's episodes never meet."""
+
+
+class Objective(Protocol):
+    """Anything that can be played at points; a method sees nothing else of the world."""
+
+    def __call__(self, ask: Ask) -> NDArray[np.float64]:
+        """(n, episodes) a return for every point and episode."""
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """The returns of a tunable policy on a domain, in episodes that nobody scores with."""
+
+    domain: Domain
+    subject: Tunable
+    seed: int
+    horizon: int
+    measure: str
+    engine: str = "auto"
+    workers: int | None = None
+
+    def __call__(self, ask: Ask) -> NDArray[np.float64]:
+        """(n, episodes) returns by :attr:`measure`, as the domain's shaping pays them."""
+        first = (int(k) for k in ask.first)
+        return np.stack(
+            [
+                measured(self.play(point, ask.episodes, rng.TRAINING + self.seed, k), self.measure)
+                for point, k in zip(ask.points, first, strict=True)
+            ]
+        )
+
+    def play(self, theta: Vector, episodes: int, seed: int, first: int = 0) -> Evaluation:
+        """The policy at one point."""
+        return evaluate(
+            self.domain,
+            self.subject.policy(theta),
+            episodes=episodes,
+            seed=seed,
+            first=first,
+            horizon=self.horizon,
+            engine=self.engine,
+            workers=self.workers,
+        )
+
+
+def measured(result: Evaluation, measure: str) -> NDArray[np.float64]:
+    """(episodes,) the returns that a measure is about."""
+    return result.returns if measure == "return" else result.discounted
+
+
+def check(measure: str, seed: int) -> None:
+    """Check what every run needs.
+
+    Raises:
+        HarnessError: the measure is unknown or the seed out of range.
+    """
+    if measure not in MEASURES:
+        raise HarnessError(f"no measure '{measure}'{nearest(measure, MEASURES)} (known: {', '.join(MEASURES)})")
+    if not 0 <= seed < SEEDS:
+        raise HarnessError(f"seed must be a whole number from 0 to 2**61 - 1, not {seed}")

@@ -1,0 +1,228 @@
+"""A tuning run: a method asks, episodes answer, a journal remembers; the result is scored on fresh episodes."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from tqdm.auto import tqdm
+
+from harness import engine as engines
+from harness import registry, rng
+from harness.domain import Domain
+from harness.errors import HarnessError, nearest
+from harness.evaluation import EPISODES, HORIZON, Score, mean_and_sem
+from harness.tuning import journal, objective
+from harness.tuning.ascent import ForwardDifference
+from harness.tuning.cmaes import CmaEs
+from harness.tuning.method import Method, configure, settings_of
+from harness.tuning.objective import Episodes, Objective
+from harness.tuning.score import ScoreFunction
+from harness.tuning.spsa import Spsa
+from harness.tuning.tunable import Tunable, Vector, tunable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+METHODS: dict[str, type[Any]] = {
+    "gradient": ForwardDifference,
+    "spsa": Spsa,
+    "score": ScoreFunction,
+    "cmaes": CmaEs,
+}
+"""Ways uphill by name; their fields are their settings."""
+
+DECIMALS = 4
+"""Of the result's numbers: what is printed is what was scored."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """Where a run ended."""
+
+    theta: dict[str, float]
+    """By name, rounded to :data:`DECIMALS`."""
+    policy: str
+    """What names the policy: a policy string where there is one."""
+    score: Score
+    """On fresh episodes, of a seed that no tuning uses."""
+    training: Score
+    """On the episodes of the last iteration, which the tuning has seen."""
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A finished run."""
+
+    method: str
+    config: Mapping[str, Any]
+    history: pd.DataFrame
+    """A row for every point that was played: its iteration, its numbers, ``value`` and ``sem``; and of its iteration
+    the iterate ``theta_…``, ``gradient_…``, ``velocity_…``, ``rate`` and ``step``."""
+    best: Best
+    stopped: str
+    """Why it stopped, as a sentence."""
+
+    def plot(self) -> Figure:
+        """Values and iterates over the iterations, as a matplotlib figure."""
+        from harness.tuning.figures import history_figure
+
+        return history_figure(self.history, list(self.best.theta), self.config["run"]["measure"])
+
+
+def tune(
+    domain: Domain | str,
+    policy: str | Tunable,
+    *,
+    method: str = "gradient",
+    measure: str = "return",
+    seed: int = 0,
+    horizon: int = HORIZON,
+    final_episodes: int = EPISODES,
+    engine: str = "auto",
+    workers: int | None = None,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: bool = False,
+    **settings: float,
+) -> Tuned:
+    """Tune the numbers in a policy.
+
+    Args:
+        domain: a domain or its name. Its shaping counts while tuning, never in the final score.
+        policy: a policy string, whose numbers are the start (``belief:0.6``), or an object of the Tunable protocol.
+        method: ``gradient`` (the paper's), ``spsa``, ``score`` or ``cmaes``.
+        measure: what to maximise, the undiscounted ``return`` within the horizon or the ``discounted`` one.
+        seed: of the run. Its episodes lie far from those that people score with.
+        horizon: steps after which an episode is truncated.
+        final_episodes: fresh ones for the final score.
+        engine: ``tables``, ``julia`` or ``auto``; the numbers do not depend on it.
+        workers: threads of the tables engine; the numbers do not depend on it.
+        out: a folder for ``config.json``, ``history.csv`` and ``result.json``.
+        resume: go on with the run in ``out``, which must have been started with these same arguments.
+        progress: show a progress bar.
+        settings: of the method (the fields of its class), such as ``epsilon`` or ``iterations``.
+
+    Raises:
+        HarnessError: an argument is wrong, or the folder holds another run or a damaged one.
+    """
+    domain = registry.load(domain) if isinstance(domain, str) else domain
+    engine = engines.choose(engine, domain)
+    subject = tunable(policy, domain)
+    objective.check(measure, seed)
+    _check_counts(horizon=horizon, final_episodes=final_episodes)
+    if resume and out is None:
+        raise HarnessError("resume needs the folder of the run: out")
+    search = _method(method, subject, seed, settings)
+    parameters = {
+        "domain": domain.name,
+        "shaping": domain.shaping,
+        "policy": subject.text(subject.start),
+        "method": method,
+        "measure": measure,
+        "seed": seed,
+        "horizon": horizon,
+        "final_episodes": final_episodes,
+        **settings_of(search),
+        "model_hash": domain.model_hash,
+    }
+    config = {"run": parameters, "versions": _versions(), "engine": engine}
+    kept = journal.Journal(subject.names, None if out is None else Path(out))
+    kept.begin(config, resume)
+    hide = None if progress else True  # None: show it on a terminal only
+    with tqdm(desc=f"{method} from {parameters['policy']}", unit=" iterations", leave=False, disable=hide) as bar:
+        played = Episodes(domain, subject, seed, horizon, measure, engine, workers)
+
+        def show(theta: Vector, value: float) -> None:
+            bar.set_postfix_str(f"θ {' '.join(f'{x:.3f}' for x in theta)}, {measure} {value:.2f}")
+            bar.update()
+
+        stopped, last = climb(search, played, kept, show)
+    best = _best(subject, search.theta, played, last, final_episodes)
+    kept.finish({"stopped": stopped, "policy": best.policy, "theta": best.theta, **_scores(best)})
+    return Tuned(method, config, kept.table(), best, stopped)
+
+
+def _method(name: str, subject: Tunable, seed: int, settings: Mapping[str, float]) -> Method:
+    if name not in METHODS:
+        raise HarnessError(f"no method '{name}'{nearest(name, METHODS)} (known: {', '.join(METHODS)})")
+    return configure(METHODS[name], subject, seed, settings)
+
+
+def _check_counts(**counts: int) -> None:
+    for name, count in counts.items():
+        if count < 1:
+            raise HarnessError(f"{name} must be 1 or more, not {count}")
+
+
+def resume(folder: str | Path, **given: Any) -> Tuned:
+    """Go on with the run in a folder, with the parameters that it was started with.
+
+    Args:
+        folder: of the run.
+        given: arguments of :func:`tune`, which must be those of the run where they decide its numbers.
+
+    Raises:
+        HarnessError: there is no run, it is damaged, it was started with other parameters, or with objects that only a
+            program can make anew (call :func:`tune` with them and ``resume=True``).
+    """
+    stored = journal.read_parameters(Path(folder))
+    stored.pop("model_hash")
+    if "method" in given:  # before the settings, which belong to it
+        journal.check_same({"method": stored["method"]}, {"method": given["method"]}, Path(folder))
+    named, shaping = stored.pop("domain"), stored.pop("shaping")
+    domain = registry.load(given.pop("domain", named)).shaped(shaping)
+    return tune(domain, out=folder, resume=True, **(stored | given))
+
+
+def climb(
+    search: Method,
+    played: Objective,
+    kept: journal.Journal,
+    show: Callable[[Vector, float], object] = lambda theta, value: None,
+) -> tuple[str, tuple[int, int]]:
+    """Run a method to its end; why it stopped, and the last iteration's first episode and their number at a point."""
+    for iteration in range(search.iterations):
+        theta, ask = search.theta, search.ask(iteration)
+        known = kept.answers(ask)
+        if known is None:
+            known = _means(played(ask))
+        values, sems = known
+        move = search.tell(iteration, ask, values)
+        kept.tell(theta, ask, values, sems, move)
+        show(search.theta, float(values.mean()))
+        if move.stop:
+            break
+    last = int(ask.first.min()), int(ask.first.max() - ask.first.min()) + ask.episodes
+    return move.stop or f"all {search.iterations} iterations are done", last
+
+
+def _means(returns: Vector) -> tuple[Vector, Vector]:
+    values, sems = np.array([mean_and_sem(row) for row in returns]).T
+    return values, sems
+
+
+def _best(subject: Tunable, theta: Vector, played: Episodes, last: tuple[int, int], episodes: int) -> Best:
+    """The result, rounded, played again on the last iteration's episodes and on fresh ones."""
+    rounded = np.clip(np.round(theta, DECIMALS), subject.lower, subject.upper)
+    first, count = last
+    training = played.play(rounded, count, rng.TRAINING + played.seed, first).score
+    true = replace(played, domain=played.domain.shaped("none"))
+    fresh = true.play(rounded, episodes, rng.HELD_OUT + played.seed).score
+    named = {name: float(x) for name, x in zip(subject.names, rounded, strict=True)}
+    return Best(named, subject.text(rounded), fresh, training)
+
+
+def _scores(best: Best) -> dict[str, Any]:
+    return {"training": best.training._asdict(), "fresh": best.score._asdict()}
+
+
+def _versions() -> dict[str, str]:
+    packages = ("pomdp-harness", "numpy", "numba", "cma")
+    return {"python": platform.python_version(), **{name: version(name) for name in packages}}
