@@ -377,3 +377,10 @@ def test_uniform_initialisation_has_invalid_individuals(rocksample):
     invalid = [individual.derivation.phenotype is None for individual in generation.individuals]
     assert 0 < sum(invalid) < 200
     assert (np.isneginf(generation.fitness) == invalid).all()
+
+
+def test_programs_that_are_nested_too_deep_rank_last(rocksample):
+    fitness = ProgramFitness(rocksample, Parameters(episodes=5), "tables", 1)
+    deep = "if(x() > 0) { " * 60 + "up()" + " }" * 60
+    assert fitness(["right()", deep, "left()"], 0).fitness.tolist() == [0, -np.inf, -100]
+    assert fitness([deep], 0).fitness.tolist() == [-np.inf]

@@ -15,7 +15,7 @@ from harness.ge.loop import Evaluated
 from harness.ge.mapping import derive
 from harness.ge.parameters import Parameters
 from harness.population import Episodes
-from harness.program import Program, ProgramError, Words, parse, words_of
+from harness.program import NestingError, Program, ProgramError, Words, parse, words_of
 
 
 class ProgramFitness:
@@ -28,12 +28,20 @@ class ProgramFitness:
         self.parameters, self.engine, self.workers = parameters, engine, workers
 
     def __call__(self, phenotypes: Sequence[str], generation: int) -> Evaluated:
-        """Fitness on the episodes of a generation."""
+        """Fitness on the episodes of a generation; −inf for a program that is nested too deep to be compiled."""
         p = self.parameters
-        programs = [self.compile(text) for text in phenotypes]
+        compiled = [self._compiled(text) for text in phenotypes]
+        programs = [program for program in compiled if program is not None]
         played = self.play(programs, generation * p.episodes, p.episodes)
-        behaviours = len(np.unique(played.returns, axis=0)) if programs else 0
-        return Evaluated(self.penalized(programs, played.returns), behaviours, int(played.steps.sum()))
+        scores = np.full(len(compiled), -np.inf)
+        scores[[program is not None for program in compiled]] = self.penalized(programs, played.returns)
+        return Evaluated(scores, len(np.unique(played.returns, axis=0)), int(played.steps.sum()))
+
+    def _compiled(self, text: str) -> Program | None:
+        try:
+            return self.compile(text)
+        except NestingError:
+            return None
 
     def compile(self, text: str) -> Program:
         """The program of a phenotype."""

@@ -41,14 +41,15 @@ class Generation(NamedTuple):
     number: int
     individuals: list[Parent]
     fitness: NDArray[np.float64]
-    """−inf for invalid individuals."""
+    """−inf for invalid individuals: no phenotype, or one that the fitness could make nothing of."""
     behaviours: int
     cost: int
     """Of all evaluations since the generation before."""
 
     def best(self) -> str | None:
         """Phenotype of the fittest individual; None when all are invalid."""
-        return self.individuals[int(self.fitness.argmax())].derivation.phenotype
+        fittest = int(self.fitness.argmax())
+        return self.individuals[fittest].derivation.phenotype if np.isfinite(self.fitness[fittest]) else None
 
 
 def first_population(grammar: Grammar, p: Parameters) -> list[Codons]:

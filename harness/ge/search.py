@@ -130,7 +130,7 @@ def _row(setup: Setup, fitness: ProgramFitness, generation: loop.Generation, sec
     """A row of the history, columns of :data:`harness.ge.results.COLUMNS`."""
     scores, derivations = generation.fitness, [individual.derivation for individual in generation.individuals]
     valid = np.isfinite(scores)
-    texts = [d.phenotype for d in derivations if d.phenotype is not None]
+    texts = [d.phenotype for d, finite in zip(derivations, valid, strict=True) if d.phenotype is not None and finite]
     best = generation.best()
     test, sem, length = _test(setup, fitness, best) if best is not None else (np.nan, np.nan, 0)
     return {
@@ -170,7 +170,7 @@ def _finish(
     by_text: dict[str, float] = {}
     for i in order:
         text = last.individuals[i].derivation.phenotype
-        if text is not None:
+        if text is not None and np.isfinite(last.fitness[i]):
             by_text.setdefault(fitness.compile(text).text, float(last.fitness[i]))
     if not by_text:
         raise HarnessError("no individual of the last generation is valid; allow wraps, or more codons")

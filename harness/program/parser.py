@@ -31,6 +31,10 @@ class ProgramError(PolicyError):
     """A program text is wrong; the message names the line and the column."""
 
 
+class NestingError(ProgramError):
+    """A program is nested too deep to be compiled; otherwise it may be right."""
+
+
 class _Token(NamedTuple):
     kind: str
     text: str
@@ -105,10 +109,10 @@ class _Parser:
         tokens.append(_Token("end", "the end", end))
         return tokens
 
-    def fail(self, at: int, why: str) -> NoReturn:
+    def fail(self, at: int, why: str, kind: type[ProgramError] = ProgramError) -> NoReturn:
         line = self.text.count("\n", 0, at) + 1
         column = at - self.text.rfind("\n", 0, at)
-        raise ProgramError(f"{self.source}, line {line}, column {column}: {why}")
+        raise kind(f"{self.source}, line {line}, column {column}: {why}")
 
     def program(self, loop: bool) -> Program:
         if self.tokens[0].kind == "loop":
@@ -257,7 +261,8 @@ class _Parser:
     def deeper(self) -> None:
         self.nesting += 1
         if self.nesting > MAX_NESTING:
-            self.fail(self.tokens[self.next].start, f"nested more than {MAX_NESTING} deep; take a part out")
+            why = f"nested more than {MAX_NESTING} deep; take a part out"
+            self.fail(self.tokens[self.next].start, why, NestingError)
 
     def take(self, mark: str) -> _Token:
         token = self.tokens[self.next]
