@@ -81,6 +81,8 @@ def test_the_default_is_all_that_the_domain_knows(rocksample):
         "accuracy:0.93",
         "belief:0.84",
         "thresholds",
+        "ge",
+        "ge-feedback",
         "qmdp",
         "sarsop",
         "mdp",

@@ -384,3 +384,44 @@ def test_programs_that_are_nested_too_deep_rank_last(rocksample):
     deep = "if(x() > 0) { " * 60 + "up()" + " }" * 60
     assert fitness(["right()", deep, "left()"], 0).fitness.tolist() == [0, -np.inf, -100]
     assert fitness([deep], 0).fitness.tolist() == [-np.inf]
+
+
+KEPT = [("rocksample-7x8", "ge"), ("rocksample-7x8", "ge-feedback"), ("bordercross-7x8", "ge")]
+
+
+class TestShippedPrograms:
+    @pytest.mark.parametrize(("name", "word"), KEPT)
+    def test_they_score_what_their_provenance_says(self, name, word):
+        record = json.loads(harness.registry.program_path(name, word).read_text())
+        seed = rng.HELD_OUT + record["parameters"]["seed"]
+        again = evaluate(name, word, episodes=record["score"]["episodes"], seed=seed, engine="tables")
+        assert again.score._asdict() == record["score"]
+
+    @pytest.mark.parametrize(("name", "word"), KEPT)
+    def test_their_grammars_can_derive_them(self, name, word):
+        """`ge` is of the paper's grammar as it is shipped; the records hold the grammar that was used."""
+        record = json.loads(harness.registry.program_path(name, word).read_text())
+        grammar = harness.registry.grammar_path(record["grammar"].removesuffix(".bnf"))
+        assert grammar.read_text().splitlines() == record["grammar_text"]
+        assert (record["grammar"] == "rocksample-feedback.bnf") == (word == "ge-feedback")
+
+    def test_evolution_beats_the_plain_baselines_by_far(self):
+        table = harness.compare(
+            "rocksample-7x8", ["exit", "random-legal", "ge", "ge-feedback", "belief"], engine="tables"
+        )
+        score = table.set_index("policy")["mean"]
+        assert score["ge"] > 20 + max(score["exit"], score["random-legal"])
+        assert score["ge-feedback"] > score["belief:0.84"]
+
+    def test_a_program_of_another_model_is_refused(self, rocksample, tmp_path):
+        from harness.policy.program import stored_program
+
+        path = tmp_path / "ge.json"
+        path.write_text(harness.registry.program_path("bordercross-7x8", "ge").read_text())
+        with pytest.raises(harness.PolicyError, match="evolved on bordercross-7x8 version 1, another model"):
+            stored_program(path, rocksample)
+        path.write_text("{}")
+        with pytest.raises(harness.PolicyError, match=r"not a readable best\.json"):
+            stored_program(path, rocksample)
+        with pytest.raises(harness.PolicyError, match="no ge-feedback program is kept for bordercross-7x8"):
+            harness.compare("bordercross-7x8", ["ge-feedback"], engine="tables")
