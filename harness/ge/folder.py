@@ -92,6 +92,8 @@ class RunFolder:
             HarnessError: the history is shorter than the checkpoint says.
         """
         path = self.path / "checkpoint.npz"
+        for left in self.path.glob("*.part"):  # by a process that was killed while it wrote
+            left.unlink()
         if not path.exists():
             (self.path / "history.csv").unlink(missing_ok=True)
             return None
