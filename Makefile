@@ -30,6 +30,7 @@ format: $(VENV)/.installed-dev
 bench: $(VENV)/.installed-dev
 	$(BIN)/pip install -q -e '.[bench]'
 	$(BIN)/python benchmarks/steps.py
+	$(BIN)/python -m benchmarks.evolution
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
