@@ -291,6 +291,23 @@ class TestRuns:
         assert main(["evolve", "--resume", str(killed)]) == 0
         assert same(results(whole), results(killed))
 
+    def test_workers_stop_when_their_parent_is_killed(self, tmp_path):
+        """Or they would go on writing into folders that somebody has resumed."""
+        command = [sys.executable, "-m", "harness", "evolve", "rocksample-7x8", "--engine", "tables", "--runs", "2"]
+        command += ["--workers", "2", "--out", str(tmp_path)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        folders = [tmp_path / "seed-0", tmp_path / "seed-1"]
+        deadline = time.monotonic() + 60
+        while min(map(count, folders)) < 2 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.kill()
+        process.communicate()
+        time.sleep(3)  # the generation under way and its checkpoint
+        rows = list(map(count, folders))
+        time.sleep(3)
+        assert min(rows) >= 2
+        assert list(map(count, folders)) == rows
+
     def test_ctrl_c_keeps_everything(self, tmp_path):
         folder = tmp_path / "run"
         process = subprocess.Popen(

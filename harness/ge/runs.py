@@ -161,15 +161,22 @@ def _many(
 ) -> Evolutions:
     """All runs, as many at a time as there are workers. What is on disk tells how far they are."""
     with _bar(sum(setup.parameters.generations + 1 for setup in setups), progress) as bar, _watching(folders, bar):
-        tasks = (joblib.delayed(run)(*pair, _nobody) for pair in zip(setups, folders, strict=True))
+        tasks = (joblib.delayed(_in_worker)(*pair, os.getpid()) for pair in zip(setups, folders, strict=True))
         result = Evolutions(joblib.Parallel(n_jobs=workers or _cores(), backend=backend)(tasks))
     files.replace_text(parent / "runs.csv", result.table.to_csv(index=False, lineterminator="\n"))
     files.replace_text(parent / "curve.csv", result.curve().to_csv(lineterminator="\n"))
     return result
 
 
-def _nobody(row: Mapping[str, Any]) -> None:
-    """Watches nothing: the rows of many runs are watched on disk."""
+def _in_worker(setup: Setup, folder: RunFolder, caller: int) -> Evolution:
+    """A run in another process. When the one that asked for it is killed, it stops: somebody may resume the folder."""
+    is_child = os.getppid() == caller
+
+    def watch(row: Mapping[str, Any]) -> None:
+        if is_child and os.getppid() != caller:
+            os._exit(1)  # nobody is left to tell
+
+    return run(setup, folder, watch)
 
 
 def _bar(total: int, progress: bool) -> Any:
