@@ -94,7 +94,10 @@ def address(report_inputs, tmp_path_factory):
     hostile = table.iloc[[2]].assign(policy=HOSTILE)
     pd.concat([table, hostile]).to_json(folder / "rocks.json", orient="records")
     kinds = ("border.csv", "hidden.csv", "run", "runs", "tuning", "sweep")
-    path = harness.write_report([folder / "rocks.json", *(report_inputs[kind] for kind in kinds)], folder, episodes=2)
+    sweep = pd.read_csv(report_inputs["sweep"] / "sweep.csv").rename(columns={"threshold": HOSTILE})
+    sweep.to_csv(folder / "sweep.csv", index=False)
+    sources = [folder / "rocks.json", *(report_inputs[kind] for kind in kinds), folder / "sweep.csv"]
+    path = harness.write_report(sources, folder, episodes=2)
     return path.as_uri()
 
 
@@ -166,7 +169,7 @@ class TestLoading:
         assert any(HOSTILE in cell.text for cell in find(page, "tbody th"))
 
     def test_everything_is_drawn(self, page):
-        assert len(find(page, ".chart svg[tabindex]")) == len(find(page, ".chart")) == 7
+        assert len(find(page, ".chart svg[tabindex]")) == len(find(page, ".chart")) == 10
         assert len(find(page, ".player .buttons")) == 6
         assert len(find(page, ".player .board")) == 6
 
@@ -372,7 +375,7 @@ class TestPlayer:
 
 class TestCharts:
     def chart(self, page, title):
-        (figure,) = [f for f in find(page, ".chart") if find(f, "figcaption")[0].text == title]
+        figure = next(f for f in find(page, ".chart") if find(f, "figcaption")[0].text == title)
         page.execute_script("arguments[0].scrollIntoView({block: 'center'})", figure)
         return figure, find(figure, ".canvas svg")[0], find(figure, ".readout")[0]
 

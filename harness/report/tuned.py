@@ -52,7 +52,7 @@ def title(tuning: Tuning) -> str:
 
 
 def body(tuning: Tuning) -> str:
-    """The result, what was played, and the way the numbers went."""
+    """The result, what was played, and the path of the parameters."""
     history = tuning.history
     return _result(tuning) + ("" if history.empty else _values(tuning, history) + _path(history))
 
@@ -121,5 +121,5 @@ def _path(history: pd.DataFrame) -> str:
     names = [str(name) for name in each if str(name).startswith(_THETA)]
     series = [Series(name.removeprefix(_THETA), each[name]) for name in names]
     return charts.figure(
-        Chart("The way of the numbers", "iteration", "value (no unit)", each["iteration"], series, whole=True)
+        Chart("Path of the parameters", "iteration", "value (no unit)", each["iteration"], series, whole=True)
     )

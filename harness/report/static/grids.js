@@ -69,7 +69,8 @@ function rockSample(domain) {
     return { ...parts, group };
   });
   const agent = robot("R", 1);
-  svg.append(trail, beam, ...rocks.map((rock) => rock.group), agent);
+  const here = draw("rect", { x: 1.5 - CELL / 2, y: 1.5 - CELL / 2, width: CELL - 3, height: CELL - 3, class: "here" });
+  svg.append(here, trail, beam, ...rocks.map((rock) => rock.group), agent);
   const taken = new Map(rocks.map((_, i) => [layout.rocks[i].join(), i]));
 
   return { svg, show(episode, k) {
@@ -77,8 +78,9 @@ function rockSample(domain) {
     const [column, row] = places[places.length - 1];
     const [x, y] = at(column, row);
     const onRock = taken.has(`${column},${row}`);
-    // Beside a rock's number, not over it.
-    agent.style.transform = `translate(${x + (onRock ? 14 : 0)}px, ${y + (onRock ? 14 : 0)}px) scale(${onRock ? 0.7 : 1})`;
+    here.style.transform = `translate(${x}px, ${y}px)`;
+    const aside = onRock ? 18 : 0; // in the corner of the cell, where it hides none of the rock's numbers
+    agent.style.transform = `translate(${x + aside}px, ${y + aside}px) scale(${onRock ? 0.55 : 1})`;
     trail.setAttribute("points", places.map((place) => at(...place).join()).join(" "));
     const { checked, word } = check(domain, episode, k);
     rocks.forEach((rock, i) => {

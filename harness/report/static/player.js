@@ -18,11 +18,15 @@ function player(place) {
   const bars = beliefBars(domain);
   const log = make("ol", { start: 0 });
   const steps = make("details", {}, make("summary", {}, "All steps as text"), log);
+  // On a phone the controls come right below the map; the beliefs stand beside both, or after them.
   const scene = make("div", { class: "scene" });
+  const keys = make("p", { class: "keys" }, "Keys: ← → a step, Space plays and pauses, Home and End.");
+  const legend = board ? [beliefLegend(domain)] : [];
+  const told = make("div", { class: "told" }, parts.line, parts.sum, parts.buttons, parts.slider, ...legend, keys);
   if (board) scene.append(board.svg);
+  scene.append(told);
   if (domain.features.length > 0) scene.append(bars.element);
-  place.append(parts.choice, scene, ...(board ? [beliefLegend(domain)] : []), parts.line, parts.sum, parts.buttons,
-    parts.slider, make("p", { class: "keys" }, "Keys: ← → a step, Space plays and pauses, Home and End."), steps);
+  place.append(parts.choice, scene, steps);
   place.setAttribute("tabindex", "0");
   place.setAttribute("role", "group");
   place.setAttribute("aria-label", `Replay of episodes on ${domain.name}`);
