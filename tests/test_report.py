@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import re
 import shutil
@@ -155,6 +156,41 @@ class TestInputs:
         shutil.copytree(report_inputs[kind], tmp_path / "run")
         (tmp_path / "run" / name).write_text(content)
         self.refused(capsys, tmp_path, tmp_path / "run", str(tmp_path / "run" / name))
+
+    @pytest.mark.parametrize(
+        ("kind", "name"),
+        [
+            ("rocks.json", ""),
+            ("run", "best.json"),
+            ("run", "config.json"),
+            ("tuning", "result.json"),
+            ("tuning", "config.json"),
+            ("rocks.csv", ""),
+            ("run", "history.csv"),
+            ("run", "finalists.csv"),
+            ("tuning", "history.csv"),
+            ("sweep", "sweep.csv"),
+        ],
+    )
+    def test_whatever_is_wrong_in_a_file_there_is_no_traceback(self, report_inputs, tmp_path, kind, name):
+        """Every value in turn is left out, nothing, a word, a number or an object; then the file is cut short."""
+        whole = report_inputs[kind]
+        copy = tmp_path / "copy"
+        shutil.copytree(whole, copy) if whole.is_dir() else shutil.copy(whole, copy)
+        path = copy / name if name else copy
+        content = path.read_text()
+        spoilt = list(
+            spoil_json(content) if path.name.endswith(".json") or kind.endswith(".json") else spoil_csv(content)
+        )
+        refused = 0
+        for each in [*spoilt, content[: len(content) // 2]]:
+            path.write_text(each)
+            try:
+                harness.write_report(copy, tmp_path / "out", episodes=0)
+            except harness.HarnessError as error:
+                assert str(path) in str(error) or str(copy) in str(error)  # noqa: PT017  (some are no error)
+                refused += 1
+        assert 0 < refused <= len(spoilt) + 1
 
     @pytest.mark.parametrize("options", [{"episodes": -1}, {"seed": -1}, {"seed": 2**64}, {"domains": ["no-such"]}])
     def test_wrong_arguments(self, report_inputs, tmp_path, options):
@@ -398,6 +434,34 @@ class TestReplays:
         assert len(columns["action"]) == 3
         last = list(replay(rocksample, f"program:{tmp_path / 'p.txt'}", engine="tables"))[-1]
         assert last.startswith("The episode was left by its policy after 2 steps")
+
+
+def spoil_json(content):
+    record = json.loads(content)
+    where = [record]
+    for place in where:
+        where += [
+            each for each in (place.values() if isinstance(place, dict) else place) if isinstance(each, dict | list)
+        ]
+    for place in where:
+        for key in list(place) if isinstance(place, dict) else range(min(2, len(place))):
+            kept = place[key]
+            for wrong in (None, "word", {}):
+                place[key] = wrong
+                yield json.dumps(record)
+            place[key] = kept
+            if isinstance(place, dict):
+                yield json.dumps(record).replace(json.dumps(key), '"other"', 1)
+
+
+def spoil_csv(content):
+    table = pd.read_csv(io.StringIO(content), dtype=str, keep_default_na=False)
+    for column in table:
+        yield table.drop(columns=column).to_csv(index=False)
+        for wrong in ("", "word", "-1", "1e400"):
+            spoilt = table.copy()
+            spoilt.loc[0, column] = wrong
+            yield spoilt.to_csv(index=False)
 
 
 def unpacked(columns):

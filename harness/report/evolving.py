@@ -11,7 +11,7 @@ from harness.ge.results import quartiles
 from harness.report import charts
 from harness.report.charts import Chart, Series
 from harness.report.inputs import Run, Runs
-from harness.report.markup import details, facts, note, plain_table, plus_minus, program
+from harness.report.markup import details, facts, listed, note, plain_table, plus_minus, program
 from harness.report.replays import Wanted
 
 _SELECTED = "fitness of the best, as selection saw it"
@@ -155,9 +155,9 @@ def _provenance(run: Run) -> dict[str, object]:
         "domain": f"{config['domain']} (version {config.get('domain_version', '?')})",
         "grammar": config.get("grammar", ""),
         "seed": p["seed"],
-        "parameters": ", ".join(f"{name} {value}" for name, value in p.items() if name != "seed"),
+        "parameters": listed({name: value for name, value in p.items() if name != "seed"}),
         "engine": config["engine"],
-        "versions": ", ".join(f"{name} {value}" for name, value in config.get("versions", {}).items()),
+        "versions": listed(config.get("versions")),
         "git revision": config.get("git"),
         "date": config.get("date"),
     }

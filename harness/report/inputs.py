@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,13 +14,10 @@ from harness.errors import HarnessError
 from harness.evaluation import Score
 from harness.ge import results
 from harness.ge.folder import RunFolder
+from harness.ge.parameters import from_record
 from harness.ge.runs import folders_of
+from harness.report import records
 from harness.tuning import journal
-
-EXPECTED = (
-    "a comparison table (harness compare … --format csv or json, --out FILE), a folder of harness evolve, tune or "
-    "sweep, or a sweep.csv"
-)
 
 
 @dataclass(frozen=True)
@@ -93,121 +88,120 @@ def read(path: Path) -> list[Input]:
     if path.is_dir():
         return [_folder(path, name)]
     if not path.exists():
-        raise HarnessError(f"{path}: no such file or folder; expected {EXPECTED}")
-    frame = _frame(path)
+        raise HarnessError(f"{path}: no such file or folder; expected {records.EXPECTED}")
+    frame = records.table(path)
     if set(COLUMNS) <= set(frame.columns):
-        frame = _numeric(frame, path, ["mean", "sem", "discounted_mean", "discounted_sem", "episodes", "seed"])
-        return [Table(name, part.reset_index(drop=True)) for _, part in frame.groupby("domain", sort=False)]
-    if list(frame.columns[:1]) == ["policy"] and list(frame.columns[2:]) == list(Score._fields):
-        return [Sweep(name, _numeric(frame, path, list(frame.columns[1:])))]
-    raise _unknown(path)
+        return [Table(name, part.reset_index(drop=True)) for part in _comparisons(frame, path)]
+    if _is_sweep(frame):
+        return [Sweep(name, _sweep(frame, path))]
+    raise records.unknown(path)
 
 
-def _unknown(path: Path) -> HarnessError:
-    return HarnessError(f"{path}: nothing to report on; expected {EXPECTED}")
+def _comparisons(frame: pd.DataFrame, path: Path) -> list[pd.DataFrame]:
+    for name in ("domain", "policy", "kind"):
+        records.check_texts(frame[name], path, name)
+    frame = records.numeric(
+        frame, path, ["episodes", "seed", *Score._fields[1:]], complete=["domain_version", "horizon"]
+    )
+    records.numeric(
+        frame[frame["kind"] == "policy"], path, [], complete=["episodes", "seed", "mean", "discounted_mean"]
+    )
+    for reference in frame["reference"]:
+        if isinstance(reference, dict):
+            error = {"error": None, **reference}["error"]  # None: none was published
+            records.check_numbers(reference, path, ["discounted_mean"])
+            records.check_numbers({"error": 0.0 if error is None else error}, path, ["error"])
+            reference["error"] = error
+    frame = frame.astype({"domain_version": int, "horizon": int})
+    return [part for _, part in frame.groupby("domain", sort=False)]
+
+
+def _is_sweep(frame: pd.DataFrame) -> bool:
+    return list(frame.columns[:1]) == ["policy"] and list(frame.columns[2:]) == list(Score._fields)
+
+
+def _sweep(frame: pd.DataFrame, path: Path) -> pd.DataFrame:
+    records.check_texts(frame["policy"], path, "policy")
+    return records.numeric(frame, path, [], complete=[str(name) for name in frame.columns[1:]])
 
 
 def _folder(path: Path, name: str) -> Input:
     if folders := folders_of(path):
         return Runs(name, [_run(folder.path, folder.path.name) for folder in folders])
-    if (path / "sweep.csv").exists():
-        (sweep,) = read(path / "sweep.csv")
-        if isinstance(sweep, Sweep):
-            return Sweep(name, sweep.frame)
+    sweep = path / "sweep.csv"
+    if sweep.exists():
+        frame = records.table(sweep)
+        if not _is_sweep(frame):
+            raise records.unknown(sweep)
+        return Sweep(name, _sweep(frame, sweep))
     if not (path / journal.CONFIG).exists():
-        raise _unknown(path)
-    config = _json(path / journal.CONFIG)
-    if "run" in config:
-        return _tuning(path, name, config)
-    return _run(path, name)
+        raise records.unknown(path)
+    return _tuning(path, name) if "run" in records.record(path / journal.CONFIG) else _run(path, name)
 
 
 def _run(path: Path, name: str) -> Run:
-    config = RunFolder(path).config()
-    best = _json(path / "best.json", ["program", "fitness", "validation", "score"])
+    config = _config(path)
+    best = _best(path / "best.json")
     text = path / "best.txt"
     return Run(
         name,
         config,
         _history(path, ["generation", "best", "test", "test_sem"], list(results.COLUMNS)),
-        best or None,
-        "\n".join(best["program"]) if best else text.read_text(encoding="utf-8").rstrip() if text.exists() else "",
-        _csv(path / "finalists.csv") if (path / "finalists.csv").exists() else None,
+        best,
+        "\n".join(best["program"]) if best else records.text(text).rstrip() if text.exists() else "",
+        _finalists(path / "finalists.csv"),
     )
 
 
-def _tuning(path: Path, name: str, config: Mapping[str, Any]) -> Tuning:
-    journal.read_parameters(path)  # checks that they are as they were written
-    result = _json(path / journal.RESULT, ["stopped", "policy", "theta", "training", "fresh"])
-    return Tuning(name, config, _history(path, ["iteration", "value", "sem"]), result or None)
+def _config(path: Path) -> dict[str, Any]:
+    file, config = path / journal.CONFIG, RunFolder(path).config()
+    records.check_texts((config[name] for name in ("domain", "model_hash")), file, "domain, model_hash")
+    if not isinstance(config["parameters"], dict):
+        raise HarnessError(f"{file}: parameters must be an object, not {config['parameters']!r}")
+    try:
+        return {**config, "parameters": from_record(config["parameters"]).__dict__}
+    except HarnessError as error:
+        raise HarnessError(f"{file}: {error}") from None
+
+
+def _best(path: Path) -> dict[str, Any] | None:
+    best = records.record(path, ["program", "fitness", "validation", "score"])
+    if not best:
+        return None
+    if not isinstance(best["program"], list):
+        raise HarnessError(f"{path}: program must be a list of lines; write the file again")
+    records.check_texts(best["program"], path, "a line of the program")
+    records.check_numbers(best, path, ["fitness", "validation"])
+    records.check_score(best["score"], path)
+    return best
+
+
+def _finalists(path: Path) -> pd.DataFrame | None:
+    if not path.exists():
+        return None
+    return records.numeric(
+        records.table(path), path, [], complete=["fitness", "validation", "validation_sem", "length"]
+    )
+
+
+def _tuning(path: Path, name: str) -> Tuning:
+    run = journal.read_parameters(path)  # checks that they are as they were written
+    config = records.record(path / journal.CONFIG)
+    result = records.record(path / journal.RESULT, ["stopped", "policy", "training", "fresh"])
+    if result:
+        records.check_texts([result["stopped"], result["policy"]], path / journal.RESULT, "stopped, policy")
+        for score in ("training", "fresh"):
+            records.check_score(result[score], path / journal.RESULT)
+    return Tuning(name, {**config, "run": run}, _history(path, ["iteration", "value", "sem"]), result or None)
 
 
 def _history(path: Path, needed: Sequence[str], columns: Sequence[str] = ()) -> pd.DataFrame:
     """The rows written so far: of a run under way the last line may be half there."""
     file = path / journal.HISTORY
-    if not file.exists():
+    text = records.text(file) if file.exists() else ""
+    text = text[: text.rfind("\n") + 1]
+    if text.count("\n") < 2:
         return pd.DataFrame(columns=list(columns or needed), dtype=float)
-    text = _text(file)
-    frame = _parsed(text[: text.rfind("\n") + 1], file)
-    if not set(needed) <= set(frame.columns):
-        raise HarnessError(f"{file}: this is not the history of a run (no {', '.join(needed)})")
-    return _numeric(frame, file, list(frame.columns))
-
-
-def _frame(path: Path) -> pd.DataFrame:
-    """A table from CSV or JSON, whichever it is."""
-    text = _text(path)
-    if not text.lstrip().startswith(("[", "{")):
-        return _parsed(text, path)
-    try:
-        rows = json.loads(text)
-    except ValueError as error:
-        raise HarnessError(f"{path}: not readable as JSON ({error}); expected {EXPECTED}") from None
-    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
-        raise _unknown(path)
-    return pd.DataFrame(rows)
-
-
-def _csv(path: Path) -> pd.DataFrame:
-    return _parsed(_text(path), path)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise HarnessError(f"cannot read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise HarnessError(f"{path}: no text file; expected {EXPECTED}") from None
-
-
-def _parsed(text: str, path: Path) -> pd.DataFrame:
-    texts = {"reference": str, "policy": str}  # a published "21.39" stays as it was written
-    try:
-        frame = pd.read_csv(io.StringIO(text), dtype=texts)
-    except ValueError as error:  # pandas' own errors are ValueErrors
-        reason = str(error).strip().splitlines()[-1]
-        raise HarnessError(f"{path}: not readable as CSV ({reason}); expected {EXPECTED}") from None
-    if frame.empty:
-        raise HarnessError(f"{path}: there are no rows in it; expected {EXPECTED}")
-    return frame
-
-
-def _numeric(frame: pd.DataFrame, path: Path, columns: Sequence[str]) -> pd.DataFrame:
-    try:
-        return frame.assign(**{name: pd.to_numeric(frame[name]) for name in columns})
-    except (ValueError, TypeError) as error:
-        raise HarnessError(f"{path}: a number was expected ({error}); write the file again") from None
-
-
-def _json(path: Path, needed: Sequence[str] = ()) -> dict[str, Any]:
-    """A JSON object; empty where there is no file."""
-    if not path.exists():
-        return {}
-    try:
-        record = json.loads(_text(path))
-    except ValueError as error:
-        raise HarnessError(f"{path}: not readable as JSON ({error})") from None
-    if not isinstance(record, dict) or not set(needed) <= record.keys():
-        raise HarnessError(f"{path}: this is not the file of a run (it needs {', '.join(needed) or 'an object'})")
-    return record
+    frame = records.parsed(text, file)
+    columns = [*needed[1:], *(str(name) for name in frame if name not in needed)]  # a generation may lack a score
+    return records.numeric(frame, file, columns, complete=needed[:1])

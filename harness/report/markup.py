@@ -32,6 +32,11 @@ def facts(pairs: Mapping[str, object]) -> str:
     return f'<dl class="facts">{items}</dl>'
 
 
+def listed(pairs: object) -> str:
+    """Names and values on one line; nothing where a file has something else there."""
+    return ", ".join(f"{name} {value}" for name, value in pairs.items()) if isinstance(pairs, Mapping) else ""
+
+
 def note(text: str) -> str:
     """A remark."""
     return f'<p class="note">{escape(text)}</p>'

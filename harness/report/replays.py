@@ -74,12 +74,12 @@ def replays(wanted: Sequence[Wanted], domains: Domains, episodes: int) -> tuple[
         try:
             domain = domains.find(each)
             policy = _policy(each, domain)
+            shown = [episode(domain, policy, each.seed, k, each.horizon) for k in range(episodes)]
         except HarnessError as error:
             missing.append(f"No replay of {each.label}: {error}.")
             continue
         drawn = domain
         used = getattr(policy, "uses_belief", True)
-        shown = [episode(domain, policy, each.seed, k, each.horizon) for k in range(episodes)]
         played.append({"name": each.label, "uses_belief": used, "seed": str(each.seed), "episodes": shown})
     return ({"domain": _described(drawn), "policies": played} if drawn else None), missing
 

@@ -7,10 +7,11 @@ import pandas as pd
 from harness.report import charts
 from harness.report.charts import Chart, Series
 from harness.report.inputs import Sweep, Tuning
-from harness.report.markup import facts, note, plus_minus
+from harness.report.markup import facts, listed, note, plus_minus
 from harness.report.replays import Wanted
 
 _THETA = "theta_"
+_SHOWN = ("domain", "policy", "method", "measure", "seed", "model_hash")  # by themselves
 
 
 def sweep_title(sweep: Sweep) -> str:
@@ -81,13 +82,9 @@ def _result(tuning: Tuning) -> str:
         "start": run["policy"],
         "measure": run["measure"],
         "seed": run["seed"],
-        "parameters": ", ".join(
-            f"{name} {value}"
-            for name, value in run.items()
-            if name not in ("domain", "policy", "method", "measure", "seed", "model_hash")
-        ),
+        "parameters": listed({name: value for name, value in run.items() if name not in _SHOWN}),
         "engine": tuning.config.get("engine"),
-        "versions": ", ".join(f"{name} {value}" for name, value in tuning.config.get("versions", {}).items()),
+        "versions": listed(tuning.config.get("versions")),
     }
     if tuning.result is None:
         return note("The run has not finished.") + facts(about)

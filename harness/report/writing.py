@@ -8,7 +8,7 @@ from pathlib import Path
 from harness import files
 from harness.domain import Domain
 from harness.errors import HarnessError
-from harness.report import comparing, evolving, inputs, tuned
+from harness.report import comparing, evolving, inputs, records, tuned
 from harness.report.inputs import Input, Sweep, Table, Tuning
 from harness.report.page import Section, page
 from harness.report.replays import Domains, Wanted, replays
@@ -46,7 +46,7 @@ def write_report(
         raise HarnessError(f"seed must be a whole number from 0 to 2**64 - 1, not {seed}")
     paths = [Path(each) for each in ([sources] if isinstance(sources, str | Path) else sources)]
     if not paths:
-        raise HarnessError(f"a report needs something to report on: {inputs.EXPECTED}")
+        raise HarnessError(f"a report needs something to report on: {records.EXPECTED}")
     found = [each for path in paths for each in inputs.read(path)]
     known = Domains(domains)
     sections = [_section(each, known, episodes, seed) for each in found]
