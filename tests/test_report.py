@@ -252,6 +252,22 @@ class TestPage:
         np.testing.assert_allclose(fresh["y"], history["test"], rtol=1e-5)
         np.testing.assert_allclose(fresh["high"], history["test"] + 1.96 * history["test_sem"], atol=1e-3)
 
+    def test_what_flattens_a_curve_is_shown_and_so_is_the_rest(self, report_inputs, tmp_path):
+        shutil.copytree(report_inputs["run"], tmp_path / "run")
+        history = pd.read_csv(tmp_path / "run" / "history.csv")
+        longer = pd.concat([history.iloc[:1]] * 40, ignore_index=True)
+        longer["generation"], longer["test"], longer["best"] = (
+            range(40),
+            np.linspace(9, 10, 40),
+            np.linspace(10, 11, 40),
+        )
+        longer.loc[:2, ["best", "test"]] = -500.0
+        longer.to_csv(tmp_path / "run" / "history.csv", index=False)
+        whole, upper = write(tmp_path, tmp_path / "run").data[:2]
+        assert whole["y"]["bottom"] is None
+        assert -500 < upper["y"]["bottom"] < 9
+        assert whole["series"] == upper["series"]
+
     def test_a_run_under_way_is_shown_as_far_as_it_is(self, report_inputs, tmp_path):
         shutil.copytree(report_inputs["run"], tmp_path / "run")
         for name in ("best.json", "finalists.csv"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
@@ -14,7 +15,6 @@ from harness.report.inputs import Run, Runs
 from harness.report.markup import details, facts, listed, note, plain_table, plus_minus, program
 from harness.report.replays import Wanted
 
-_SELECTED = "fitness of the best, as selection saw it"
 _FRESH = "the best on fresh episodes"
 
 
@@ -82,7 +82,7 @@ def _curve(run: Run) -> str:
     if history.empty:
         return ""
     series = [
-        Series(_SELECTED, history["best"]),
+        Series(_selected(run), history["best"]),
         Series.with_error(f"{_FRESH}, 95 % interval", history["test"], history["test_sem"]),
     ]
     return _figure("Learning curve", history["generation"], series)
@@ -92,9 +92,14 @@ def _curves(found: Runs) -> str:
     history = pd.concat([run.history for run in found.runs], ignore_index=True)
     if history.empty:
         return ""
-    series = [_quartiles(history, "best", _SELECTED), _quartiles(history, "test", _FRESH)]
+    series = [_quartiles(history, "best", _selected(found.runs[0])), _quartiles(history, "test", _FRESH)]
     x = quartiles(history, "best").index.to_series().reset_index(drop=True)
     return _figure(f"Learning curves: median and quartiles of {len(found.runs)} runs", x, series)
+
+
+def _selected(run: Run) -> str:
+    shaped = run.config["parameters"]["shaping"] != "none"
+    return f"fitness of the best, as selection saw it{' (with shaping)' if shaped else ''}"
 
 
 def _quartiles(history: pd.DataFrame, column: str, name: str) -> Series:
@@ -103,8 +108,11 @@ def _quartiles(history: pd.DataFrame, column: str, name: str) -> Series:
 
 
 def _figure(heading: str, x: pd.Series, series: Sequence[Series]) -> str:
+    """The whole curve and, where the first generations would flatten the rest of it, its upper part too."""
+    whole = Chart(heading, "generation", charts.RETURN, x, series, whole=True)
     bottom = charts.without_outliers(pd.concat([each.y for each in series]))
-    return charts.figure(Chart(heading, "generation", charts.RETURN, x, series, bottom, whole=True))
+    upper = [] if bottom is None else [replace(whole, title=f"{heading}: the upper part", bottom=bottom)]
+    return "".join(charts.figure(each) for each in [whole, *upper])
 
 
 def _scores(runs: Sequence[Run]) -> str:
