@@ -401,6 +401,9 @@ class TestReplays:
         assert [each["name"] for each in record["policies"]] == ["belief:0.84", "sarsop", "exit"]
         returns = evaluate("rocksample-7x8", "sarsop", episodes=2, seed=4, engine="tables").returns
         assert [sum(each["reward"]) for each in record["policies"][1]["episodes"]] == returns.tolist()
+        table = pd.read_csv(report_inputs["rocks.csv"])[:3].assign(seed=2**60 + 1)  # more digits than a float has
+        table.to_csv(tmp_path / "t.csv", index=False)
+        assert write(tmp_path, tmp_path / "t.csv").data[-1]["policies"][0]["seed"] == str(2**60 + 1)
         other = write(tmp_path, report_inputs["rocks.csv"], episodes=2, seed=9).data[-1]
         assert {each["seed"] for each in other["policies"]} == {"9"}
         assert other["policies"][1] != record["policies"][1]

@@ -326,6 +326,7 @@ class TestPlayer:
         assert line(place) == told[-1]
         find(place, "summary")[0].click()
         assert texts(place, "ol li") == told
+        assert texts(place, '[aria-current="step"]') == told[-1:]
 
     def test_rocks_show_their_beliefs_in_colour_and_number(self, page):
         place = player(page)

@@ -78,7 +78,7 @@ def numeric(frame: pd.DataFrame, path: Path, columns: Iterable[str], *, complete
     if missing := [name for name in names if name not in frame]:
         raise HarnessError(f"{path}: there is no column {', '.join(missing)}; write the file again")
     try:
-        frame = frame.assign(**{name: pd.to_numeric(frame[name]).astype(float) for name in names})
+        frame = frame.assign(**{name: pd.to_numeric(frame[name]) for name in names})
     except (ValueError, TypeError) as error:
         raise HarnessError(f"{path}: a number was expected ({error}); write the file again") from None
     for name in complete:

@@ -43,7 +43,8 @@ function player(place) {
     for (const name of ["forward", "last"]) parts[name].disabled = k === last();
     board?.show(episode, k);
     bars.show(policies[parts.policy.selectedIndex], episode, k);
-    [...log.children].forEach((item, i) => item.toggleAttribute("aria-current", i === k));
+    log.querySelector("[aria-current]")?.removeAttribute("aria-current");
+    log.children[k].setAttribute("aria-current", "step");
   };
   const playing = (on) => {
     clearInterval(timer);
