@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from harness.policy import Policy
     from harness.registry import load, names
     from harness.regression.checking import check_scores, update_scores
+    from harness.report import write_report
     from harness.show import replay
     from harness.tuning import Tunable, sweep, tune
     from harness.tuning.figures import sweep_figure
@@ -56,6 +57,7 @@ __all__ = [
     "sweep_figure",
     "tune",
     "update_scores",
+    "write_report",
 ]
 
 _HOME = {
@@ -80,6 +82,7 @@ _HOME = {
     "sweep": "tuning",
     "sweep_figure": "tuning.figures",
     "tune": "tuning",
+    "write_report": "report",
 }
 
 

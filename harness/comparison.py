@@ -153,7 +153,21 @@ def render(table: pd.DataFrame, style: str) -> str:
         return flat.to_csv(index=False)
     if style == "json":
         return json.dumps(rows(table), indent=2) + "\n"
-    shown = pd.DataFrame(
+    cells = shown(table)
+    form = "github" if style == "markdown" else "simple"
+    text = tabulate(
+        cells.values.tolist(),
+        headers=[str(name) for name in cells],
+        tablefmt=form,
+        colalign=("left", *["right"] * 6),
+        disable_numparse=True,
+    )
+    return f"{heading(table)}\n\n{text}\n\n{footnote(table)}\n"
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """The table's cells as text for people; ± is one standard error."""
+    return pd.DataFrame(
         {
             "policy": table["policy"].where(table["kind"] == "policy", table["policy"] + " (upper bound)"),
             "return": [_plus_minus(*pair) for pair in zip(table["mean"], table["sem"], strict=True)],
@@ -166,15 +180,6 @@ def render(table: pd.DataFrame, style: str) -> str:
             "episodes": table["episodes"].map(lambda x: _number(x, ",.0f")),
         }
     )
-    form = "github" if style == "markdown" else "simple"
-    text = tabulate(
-        shown.values.tolist(),
-        headers=[str(name) for name in shown],
-        tablefmt=form,
-        colalign=("left", *["right"] * 6),
-        disable_numparse=True,
-    )
-    return f"{_heading(table)}\n\n{text}\n\n{_footnote(table)}\n"
 
 
 def rows(table: pd.DataFrame) -> list[dict[str, Any]]:
@@ -183,14 +188,16 @@ def rows(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(key): value for key, value in row.items()} for row in plain.to_dict("records")]
 
 
-def _heading(table: pd.DataFrame) -> str:
+def heading(table: pd.DataFrame) -> str:
+    """What all rows have in common: domain, horizon, engine, seed."""
     first = table.iloc[0]
     run = table[table["kind"] == "policy"]
     engine = f", engine {run['engine'].iloc[0]}, seed {run['seed'].iloc[0]:.0f}" if len(run) else ""
     return f"{first['domain']} (version {first['domain_version']}), horizon {first['horizon']}{engine}"
 
 
-def _footnote(table: pd.DataFrame) -> str:
+def footnote(table: pd.DataFrame) -> str:
+    """What the columns of :func:`shown` mean, and published figures of methods that are not among the rows."""
     lines = [
         "return: undiscounted, mean ± standard error; discounted: the same at the domain's discount; success: share of "
         "episodes that\nreached a terminal state.",
@@ -215,4 +222,6 @@ def _number(value: float | None, form: str) -> str:
 
 
 def _brief(reference: Any) -> str:
+    if isinstance(reference, str):  # read back from CSV
+        return reference
     return _plus_minus(reference["discounted_mean"], reference["error"]) if isinstance(reference, dict) else ""

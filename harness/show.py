@@ -1,8 +1,9 @@
-"""One episode, step by step, as text: the grid, the action, the reading, the belief, the reward."""
+"""One episode, step by step; as text: the grid, the action, the reading, the belief, the reward."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from harness import engine as engines
 from harness import policy as policies
@@ -10,8 +11,49 @@ from harness import registry
 from harness.batch import Batch
 from harness.domain import Domain
 from harness.evaluation import HORIZON, simulate
+from harness.policy import Policy
+
+MANY_FEATURES = 15
+"""Of more belief features than these, the likeliest few are shown."""
 
 _BAR = 10  # characters of a belief bar
+
+
+class Step(NamedTuple):
+    """One step of an episode, or its start."""
+
+    number: int
+    """0 for the start."""
+    action: int | None
+    """None for the start."""
+    reward: float
+    total: float
+    """Undiscounted return so far."""
+    discounted: float
+    batch: Batch
+    """After the step; overwritten by the next one."""
+
+    @property
+    def sentence(self) -> str:
+        """What happened, on one line."""
+        if self.action is None:
+            return f"start{_reading(self.batch)}"
+        action = self.batch.domain.actions[self.action]
+        return f"step {self.number}: {action}{_reading(self.batch)}, reward {self.reward:+g}, return {self.total:g}"
+
+
+def steps(domain: Domain, policy: Policy, engine: str, seed: int, episode: int, horizon: int) -> Iterator[Step]:
+    """Yield the start and then each step of episode number ``episode`` of a seed, as ``evaluate`` plays it."""
+    total, discounted, weight = 0.0, 0.0, 1.0
+    for number, record in enumerate(simulate(domain, policy, engine, seed, episode, 1, horizon)):
+        if record.actions is None:
+            yield Step(0, None, 0.0, 0.0, 0.0, record.batch)
+            continue
+        reward = float(record.rewards[0])
+        total += reward
+        discounted += weight * reward
+        weight *= domain.discount
+        yield Step(number, int(record.actions[0]), reward, total, discounted, record.batch)
 
 
 def replay(
@@ -34,37 +76,44 @@ def replay(
     engine = engines.choose(engine, domain)
     spec, policy = policies.make(spec, domain)
     policy_belief = getattr(policy, "uses_belief", True)
-    total, discounted, weight, steps = 0.0, 0.0, 1.0, 0
     yield f"{domain.name}, policy {spec}, engine {engine}, seed {seed}, episode {episode}"
-    for record in simulate(domain, policy, engine, seed, episode, 1, horizon):
-        batch = record.batch
-        if record.actions is None:
-            title = f"start{_reading(batch)}"
-        else:
-            steps += 1
-            total += record.rewards[0]
-            discounted += weight * record.rewards[0]
-            weight *= domain.discount
-            action = domain.actions[record.actions[0]]
-            title = f"step {steps}: {action}{_reading(batch)}, reward {record.rewards[0]:+g}, return {total:g}"
+    for step in steps(domain, policy, engine, seed, episode, horizon):
+        batch = step.batch
         body = [] if batch.done[0] else _side_by_side(_grid(batch), _belief(batch) if policy_belief else [])
-        yield "\n".join([title, *body])
-    ending = "reached a terminal state" if batch.done[0] else "was cut at the horizon"
-    yield f"The episode {ending} after {steps} steps: return {total:g}, discounted {discounted:.2f}."
+        yield "\n".join([step.sentence, *body])
+    end = f"The episode {ending(step, horizon)} after {step.number} steps"
+    yield f"{end}: return {step.total:g}, discounted {step.discounted:.2f}."
+
+
+def ending(last: Step, horizon: int) -> str:
+    """How an episode ended, by its last step."""
+    if last.batch.done[0]:
+        return "reached a terminal state"
+    return "was cut at the horizon" if last.number == horizon else "was left by its policy"
+
+
+def reading(batch: Batch) -> int | None:
+    """Index of what the first episode of a batch has just read; None where it read nothing."""
+    observation = int(batch.observation[0])
+    return None if observation < 0 or batch.domain.observations[observation] == "none" else observation
 
 
 def _reading(batch: Batch) -> str:
-    if batch.observation[0] < 0 or batch.domain.observations[batch.observation[0]] == "none":
-        return ""
-    return f", reading {batch.domain.observations[batch.observation[0]]}"
+    read = reading(batch)
+    return "" if read is None else f", reading {batch.domain.observations[read]}"
+
+
+def position(batch: Batch) -> dict[str, int]:
+    """What the first episode of a batch shows of its state, by name."""
+    return dict(zip(batch.domain.visible_names, batch.domain.visible_values[batch.visible[0]].tolist(), strict=True))
 
 
 def _grid(batch: Batch) -> list[str]:
     """The domain drawn from its layout: one character a cell."""
-    domain, layout = batch.domain, batch.domain.layout
+    layout = batch.domain.layout
     if layout["kind"] == "none":
         return []
-    here = dict(zip(domain.visible_names, domain.visible_values[batch.visible[0]].tolist(), strict=True))
+    here = position(batch)
     marks: dict[tuple[int, int], str] = {}
     rows, columns = layout["rows"], layout["columns"]
     if layout["kind"] == "rocksample":
@@ -92,18 +141,23 @@ def _belief(batch: Batch) -> list[str]:
     values = batch.features[0]
     features = batch.domain.features
     shown = range(len(features))
-    if len(features) > 15:
+    if len(features) > MANY_FEATURES:
         shown = sorted(values.argsort()[::-1][:6].tolist())  # type: ignore[assignment]
     return [
-        f"{_label(batch.domain, i):>10} {values[i]:.2f} {'#' * round(_BAR * values[i])}" for i in shown if values[i] > 0
+        f"{label(batch.domain, i):>10} {values[i]:.2f} {'#' * round(_BAR * values[i])}" for i in shown if values[i] > 0
     ]
 
 
-def _label(domain: Domain, i: int) -> str:
+def label(domain: Domain, i: int) -> str:
+    """What belief feature ``i`` is about: ``rock 3``, ``robot 2 (4, 1)``."""
     name, factor, value = domain.features[i]
     if domain.layout["kind"] == "rocksample":
         return f"rock {_symbol(factor)}"
-    return f"{domain.factors[factor]} {domain.factor_labels[factor][value]}" if len(domain.features) > 15 else name
+    return (
+        f"{domain.factors[factor]} {domain.factor_labels[factor][value]}"
+        if len(domain.features) > MANY_FEATURES
+        else name
+    )
 
 
 def _side_by_side(left: list[str], right: list[str]) -> list[str]:

@@ -92,12 +92,17 @@ class Evolutions:
 
     def curve(self, column: str = "test") -> pd.DataFrame:
         """Quartiles over the runs of a column of the history, one row a generation: q25, q50, q75."""
-        groups = self.history.groupby("generation")[column]
-        return pd.DataFrame({f"q{round(100 * q)}": groups.quantile(q) for q in QUARTILES})
+        return quartiles(self.history, column)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Median and quartiles over the runs of the best's score on fresh episodes."""
         return _plot(self.runs, axes)
+
+
+def quartiles(history: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Quartiles of a column over the runs in ``history``, one row a generation: q25, q50, q75."""
+    groups = history.groupby("generation")[column]
+    return pd.DataFrame({f"q{round(100 * q)}": groups.quantile(q) for q in QUARTILES})
 
 
 COLUMNS = {

@@ -95,7 +95,7 @@ def resume(
     """
     parent = Path(out)
     _check_runs(1, workers)
-    folders = [RunFolder(path.parent) for path in sorted(parent.glob(f"{_PREFIX}*/config.json"), key=_seed_of)]
+    folders = folders_of(parent)
     if not folders:
         folder = RunFolder(parent)
         return _one(_restored(folder, workers or _cores(), generations), folder, progress)
@@ -104,6 +104,11 @@ def resume(
 
 
 _PREFIX = "seed-"
+
+
+def folders_of(parent: Path) -> list[RunFolder]:
+    """The folders of many runs, by seed; none where ``parent`` holds a single run, or nothing."""
+    return [RunFolder(path.parent) for path in sorted(parent.glob(f"{_PREFIX}*/config.json"), key=_seed_of)]
 
 
 def _restored(folder: RunFolder, workers: int, generations: int | None) -> Setup:

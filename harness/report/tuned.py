@@ -1,0 +1,122 @@
+"""The sections of tuning runs and of sweeps."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from harness.report import charts
+from harness.report.charts import Chart, Series
+from harness.report.inputs import Sweep, Tuning
+from harness.report.markup import facts, listed, note, plus_minus
+from harness.report.replays import Wanted
+
+_THETA = "theta_"
+_SHOWN = ("domain", "policy", "method", "measure", "seed", "model_hash")  # by themselves
+
+
+def sweep_title(sweep: Sweep) -> str:
+    """The section's heading."""
+    return f"Sweep of {_word(sweep)}: {sweep.frame.columns[1]}"
+
+
+def _word(sweep: Sweep) -> str:
+    return str(sweep.frame["policy"].iloc[0]).partition(":")[0]
+
+
+def sweep_body(sweep: Sweep) -> str:
+    """The return over the number: the whole range, and what lies near the top."""
+    frame = sweep.frame
+    name = str(frame.columns[1])
+    best = frame.iloc[int(frame["mean"].argmax())]
+    counts = sorted({int(n) for n in frame["episodes"]})
+    episodes = " to ".join(f"{n:,}" for n in {counts[0]: 0, counts[-1]: 0})
+    undiscounted = Series.with_error("mean, 95 % interval", frame["mean"], frame["sem"])
+    discounted = Series.with_error("mean, 95 % interval", frame["discounted_mean"], frame["discounted_sem"])
+    near = charts.near_the_top(frame["mean"])
+    label = f"{name} (no unit)"
+    figures = [Chart("Return", label, charts.RETURN, frame[name], [undiscounted], best=True)]
+    if near is not None:
+        figures.append(Chart("Near the top", label, charts.RETURN, frame[name], [undiscounted], near, best=True))
+    figures.append(
+        Chart("Discounted return", label, "discounted return (reward)", frame[name], [discounted], best=True)
+    )
+    highest = f"{plus_minus(best['mean'], best['sem'])} by {best['policy']}"
+    return facts({"highest return": highest, "episodes at each point": episodes}) + "".join(
+        charts.figure(each) for each in figures
+    )
+
+
+def title(tuning: Tuning) -> str:
+    """The section's heading."""
+    run = tuning.config["run"]
+    return f"Tuning of {run['policy'].partition(':')[0]} on {run['domain']}"
+
+
+def body(tuning: Tuning) -> str:
+    """The result, what was played, and the path of the parameters."""
+    history = tuning.history
+    return _result(tuning) + ("" if history.empty else _values(tuning, history) + _path(history))
+
+
+def wanted(tuning: Tuning, seed: int | None) -> list[Wanted]:
+    """The result, in the episodes that ``harness compare`` plays unless told otherwise."""
+    if tuning.result is None:
+        return []
+    run = tuning.config["run"]
+    return [
+        Wanted(
+            label=tuning.result["policy"],
+            domain=run["domain"],
+            seed=seed or 0,
+            horizon=run["horizon"],
+            spec=tuning.result["policy"],
+            model_hash=run["model_hash"],
+        )
+    ]
+
+
+def _result(tuning: Tuning) -> str:
+    run = tuning.config["run"]
+    about = {
+        "method": run["method"],
+        "start": run["policy"],
+        "measure": run["measure"],
+        "seed": run["seed"],
+        "parameters": listed({name: value for name, value in run.items() if name not in _SHOWN}),
+        "engine": tuning.config.get("engine"),
+        "versions": listed(tuning.config.get("versions")),
+    }
+    if tuning.result is None:
+        return note("The run has not finished.") + facts(about)
+    result = tuning.result
+    return facts(
+        {
+            "result": result["policy"],
+            "return on fresh episodes": _score(result["fresh"], ""),
+            "on the last training episodes": _score(result["training"], " (which the tuning has seen)"),
+            "stopped": result["stopped"],
+            **about,
+        }
+    )
+
+
+def _score(score: dict[str, float], remark: str) -> str:
+    discounted = plus_minus(score["discounted_mean"], score["discounted_sem"])
+    return f"{plus_minus(score['mean'], score['sem'])}, discounted {discounted}, {score['episodes']:,} episodes{remark}"
+
+
+def _values(tuning: Tuning, history: pd.DataFrame) -> str:
+    discounted = tuning.config["run"]["measure"] == "discounted"
+    y = "discounted return (reward)" if discounted else charts.RETURN
+    series = [Series.with_error("points played, 95 % interval", history["value"], history["sem"], points=True)]
+    bottom = charts.near_the_top(history["value"])
+    return charts.figure(Chart("Returns", "iteration", y, history["iteration"], series, bottom, whole=True))
+
+
+def _path(history: pd.DataFrame) -> str:
+    each = history.drop_duplicates("iteration").reset_index(drop=True)
+    names = [str(name) for name in each if str(name).startswith(_THETA)]
+    series = [Series(name.removeprefix(_THETA), each[name]) for name in names]
+    return charts.figure(
+        Chart("Path of the parameters", "iteration", "value (no unit)", each["iteration"], series, whole=True)
+    )

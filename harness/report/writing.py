@@ -1,0 +1,71 @@
+"""``harness.write_report``: from files to a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from harness import files
+from harness.domain import Domain
+from harness.errors import HarnessError
+from harness.report import comparing, evolving, inputs, records, tuned
+from harness.report.inputs import Input, Sweep, Table, Tuning
+from harness.report.page import Section, page
+from harness.report.replays import Domains, Wanted, replays
+
+EPISODES = 3
+
+
+def write_report(
+    sources: Sequence[str | Path] | str | Path,
+    out: str | Path,
+    *,
+    episodes: int = EPISODES,
+    seed: int | None = None,
+    domains: Sequence[Domain | str] = (),
+) -> Path:
+    """Write ``index.html``, one page that needs no other file and no network, from results on disk.
+
+    Args:
+        sources: comparison tables (CSV or JSON of ``harness compare``), folders of ``harness evolve``, ``tune`` and
+            ``sweep``, in any number; or one of them.
+        out: the folder for the page.
+        episodes: of each policy to be replayed, the first so many of a seed; 0 for none.
+        seed: of the episodes; by default those that a table is of, and seed 0 for the winners of runs.
+        domains: domains that do not ship with the package (objects, snapshots, Julia files), for their replays.
+
+    Returns:
+        The path of the page. The same inputs give the same bytes.
+
+    Raises:
+        HarnessError: there is no such input, one is of no known kind or damaged, or the page cannot be written.
+    """
+    if episodes < 0:
+        raise HarnessError(f"episodes must be 0 or more, not {episodes}")
+    if seed is not None and not 0 <= seed < 2**64:
+        raise HarnessError(f"seed must be a whole number from 0 to 2**64 - 1, not {seed}")
+    paths = [Path(each) for each in ([sources] if isinstance(sources, str | Path) else sources)]
+    if not paths:
+        raise HarnessError(f"a report needs something to report on: {records.EXPECTED}")
+    found = [each for path in paths for each in inputs.read(path)]
+    known = Domains(domains)
+    sections = [_section(each, known, episodes, seed) for each in found]
+    path = Path(out) / "index.html"
+    files.replace_text(path, page("POMDP benchmark report", sections))
+    return path
+
+
+def _section(found: Input, domains: Domains, episodes: int, seed: int | None) -> Section:
+    title, body, wanted = _parts(found, seed)
+    return Section(title, found.name, body, *replays(wanted, domains, episodes))
+
+
+def _parts(found: Input, seed: int | None) -> tuple[str, str, list[Wanted]]:
+    """Heading, HTML, and the policies to be replayed."""
+    if isinstance(found, Table):
+        return comparing.title(found), comparing.body(found), comparing.wanted(found, seed)
+    if isinstance(found, Tuning):
+        return tuned.title(found), tuned.body(found), tuned.wanted(found, seed)
+    if isinstance(found, Sweep):
+        return tuned.sweep_title(found), tuned.sweep_body(found), []
+    return evolving.title(found), evolving.body(found), evolving.wanted(found, seed)
