@@ -10,13 +10,14 @@ from harness import registry
 from harness.batch import Batch
 from harness.domain import Domain
 from harness.evaluation import HORIZON, simulate
+from harness.policy import Policy
 
 _BAR = 10  # characters of a belief bar
 
 
 def replay(
     domain: Domain | str,
-    spec: str,
+    spec: str | Policy,
     *,
     seed: int = 0,
     episode: int = 0,
@@ -32,7 +33,7 @@ def replay(
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
     engine = engines.choose(engine, domain)
-    spec, policy = policies.make(spec, domain)
+    spec, policy = policies.named(spec, domain)
     policy_belief = getattr(policy, "uses_belief", True)
     total, discounted, weight, steps = 0.0, 0.0, 1.0, 0
     yield f"{domain.name}, policy {spec}, engine {engine}, seed {seed}, episode {episode}"
