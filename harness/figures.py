@@ -255,12 +255,15 @@ def _draw_readings(domain: Domain, axes: Axes, frames: list[_Frame]) -> None:
 
 
 def _draw_rewards(axes: Axes, frames: list[_Frame]) -> None:
-    """Beside every cell what was won there in all; a step of two robots counts in the cell of the one that acted."""
+    """Beside every cell what was won there in all.
+
+    Of two robots the one counts that the action names; where it names none, the one nearer to the wall.
+    """
     won: dict[Cell, float] = defaultdict(float)
     for frame in frames:
         if frame.reward and frame.robots:
-            acted = 2 if frame.action.endswith("(2)") and 2 in frame.robots else 1
-            won[frame.robots[acted]] += frame.reward
+            named = [cell for robot, cell in frame.robots.items() if frame.action.endswith(f"({robot})")]
+            won[max(named or frame.robots.values())] += frame.reward
     for (x, y), reward in won.items():
         colour = _READINGS["good" if reward > 0 else "bad"]
         axes.annotate(
