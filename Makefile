@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: table test check lint format bench clean
+.PHONY: table test check lint format docs notebooks bench clean
 
 table: $(VENV)/.installed
 	$(BIN)/harness compare rocksample-7x8 --engine tables
@@ -26,6 +26,14 @@ lint: $(VENV)/.installed-dev
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+docs: $(VENV)/.installed # warnings are errors; the pages are in build/docs
+	$(BIN)/pip install -q -e '.[docs]'
+	$(BIN)/python -m sphinx -W --keep-going -n -q -b html docs build/docs
+
+notebooks: $(VENV)/.installed
+	$(BIN)/pip install -q -e '.[notebooks]'
+	$(BIN)/jupyter lab notebooks
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/pip install -q -e '.[bench]'

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from harness.comparison import compare
     from harness.domain import Domain
     from harness.evaluation import Evaluation, Score, evaluate
+    from harness.figures import compare_figure, draw_beliefs, draw_episode, draw_layout
     from harness.ge.runs import evolve, resume
     from harness.policy import Policy
     from harness.registry import load, names
@@ -46,6 +47,10 @@ __all__ = [
     "check_domain",
     "check_scores",
     "compare",
+    "compare_figure",
+    "draw_beliefs",
+    "draw_episode",
+    "draw_layout",
     "evaluate",
     "evolve",
     "from_model",
@@ -71,6 +76,10 @@ _HOME = {
     "check_domain": "check",
     "check_scores": "regression.checking",
     "compare": "comparison",
+    "compare_figure": "figures",
+    "draw_beliefs": "figures",
+    "draw_episode": "figures",
+    "draw_layout": "figures",
     "evaluate": "evaluation",
     "evolve": "ge.runs",
     "from_model": "bridge",

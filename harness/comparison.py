@@ -94,7 +94,7 @@ def compare(
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a comparison; :attr:`table` holds the rows finished by then."""
+    """Ctrl-C during a comparison; ``table`` holds the rows finished by then."""
 
     def __init__(self, table: pd.DataFrame) -> None:
         """``table``: as :func:`compare` would return it."""

@@ -58,7 +58,7 @@ def steps(domain: Domain, policy: Policy, engine: str, seed: int, episode: int, 
 
 def replay(
     domain: Domain | str,
-    spec: str,
+    spec: str | Policy,
     *,
     seed: int = 0,
     episode: int = 0,
@@ -74,7 +74,7 @@ def replay(
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
     engine = engines.choose(engine, domain)
-    spec, policy = policies.make(spec, domain)
+    spec, policy = policies.named(spec, domain)
     policy_belief = getattr(policy, "uses_belief", True)
     yield f"{domain.name}, policy {spec}, engine {engine}, seed {seed}, episode {episode}"
     for step in steps(domain, policy, engine, seed, episode, horizon):

@@ -52,6 +52,7 @@ OUTCOME = np.dtype(
     ],
     align=True,
 )
+"""Of one way that a step can go: what is visible next, what becomes of the relevant factor, and what is paid."""
 
 
 class Tables(NamedTuple):

@@ -442,3 +442,12 @@ class TestShippedPrograms:
             stored_program(path, rocksample)
         with pytest.raises(harness.PolicyError, match="no ge-feedback program is kept for bordercross-7x8"):
             harness.compare("bordercross-7x8", ["ge-feedback"], engine="tables")
+
+
+def test_the_winner_is_a_policy_everywhere(bordercross):
+    small = {"population": 10, "generations": 1, "episodes": 5, "test_episodes": 5, "validation_episodes": 5}
+    best = harness.evolve(bordercross, **small, score_episodes=50, engine="tables").best
+    played = harness.evaluate(bordercross, best.policy, episodes=50, seed=rng.HELD_OUT, engine="tables")
+    assert played.score == best.score
+    assert harness.compare(bordercross, [best.policy], episodes=5, engine="tables")["policy"].tolist() == ["program"]
+    assert next(harness.replay(bordercross, best.policy, engine="tables")).startswith("bordercross-7x8, policy program")

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -101,6 +102,11 @@ def test_a_user_s_model_is_searched_with_a_grammar_of_its_words(tiger):
 @pytest.mark.parametrize("name", registry.names())
 def test_snapshots_are_what_julia_exports_now(name):
     assert bridge.export(name).model_hash == harness.load(name).model_hash
+
+
+def test_the_notebook_s_snapshot_is_what_its_model_gives_now():
+    folder = Path(__file__).parent.parent / "notebooks" / "tiger"
+    assert harness.load(folder / "tiger.jl").model_hash == harness.load(folder / "tiger.npz").model_hash
 
 
 @pytest.mark.parametrize("name", NAMED_7X8)

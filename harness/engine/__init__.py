@@ -12,6 +12,7 @@ from harness.domain import Domain
 from harness.errors import HarnessError, nearest
 
 ENGINES = ("tables", "julia")
+"""Names of the engines; ``auto`` stands for one of them."""
 
 
 class Engine(Protocol):

@@ -1,14 +1,12 @@
 """The folder of a run: what it was told, what it has found, and from where it can go on.
 
-| file | content |
-|---|---|
-| `config.json` | domain, engine, all parameters, versions, git revision, date |
-| `grammar.bnf` | the grammar, as it was |
-| `history.csv` | one row a generation |
-| `checkpoint.npz` | the population of a generation that is in the history |
-| `best.txt` | the best program so far; in the end, the winner |
-| `finalists.csv` | in the end: the programs that were compared once more |
-| `best.json` | in the end: the winner with its scores and all that it came from |
+- ``config.json``: domain, engine, all parameters, versions, git revision, date
+- ``grammar.bnf``: the grammar, as it was
+- ``history.csv``: one row a generation
+- ``checkpoint.npz``: the population of a generation that is in the history
+- ``best.txt``: the best program so far; in the end, the winner
+- ``finalists.csv``: in the end, the programs that were compared once more
+- ``best.json``: in the end, the winner with its scores and all that it came from
 
 All are written atomically, or appended to and cut back to the checkpoint, so that a run that is killed at any moment
 goes on from its last checkpoint and ends with the same numbers.

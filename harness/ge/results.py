@@ -10,6 +10,7 @@ import pandas as pd
 
 from harness.evaluation import Score
 from harness.ge.parameters import Parameters
+from harness.policy.program import ProgramPolicy
 from harness.program import Program
 
 if TYPE_CHECKING:
@@ -34,6 +35,11 @@ class Best:
     def text(self) -> str:
         """The program, one statement a line."""
         return self.program.text
+
+    @property
+    def policy(self) -> ProgramPolicy:
+        """The program as a policy, for ``evaluate``, ``compare`` and ``replay``."""
+        return ProgramPolicy(self.program)
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ def resume(
     backend: str = "loky",
     progress: bool = False,
 ) -> Evolution | Evolutions:
-    """Go on with what :func:`evolve` began in a folder; the end is the same as without the interruption.
+    """Go on with what :func:`harness.evolve` began in a folder; the end is the same as without the interruption.
 
     Args:
         out: the folder.

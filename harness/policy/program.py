@@ -40,6 +40,9 @@ def stored_program(path: Path, domain: Domain) -> Program:
 class ProgramPolicy:
     """Runs a program in every episode. At its end the policy stops, and with it the episode."""
 
+    name = "program"
+    """What tables call it; a table of several programs gives each object a name of its own."""
+
     def __init__(self, program: Program) -> None:
         """``program``: compiled for the domain that it will run on."""
         self.program = program

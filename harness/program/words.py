@@ -22,6 +22,7 @@ COMPARISONS = {"<": BELOW, ">": ABOVE, "==": EQUAL}
 INSTRUCTION = np.dtype(
     [("op", np.int16), ("compare", np.int16), ("arg", np.int32), ("jump", np.int64), ("value", "f8")]
 )
+"""One instruction of a compiled program."""
 _PACKED = struct.Struct("=hhiqd")
 
 

@@ -27,7 +27,7 @@ class Move:
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a check; :attr:`check` holds the rows finished by then, judged as part of the whole list."""
+    """Ctrl-C during a check; ``check`` holds the rows finished by then, judged as part of the whole list."""
 
     def __init__(self, check: ScoreCheck) -> None:
         """``check``: as :func:`check_scores` would return it, with fewer outcomes."""

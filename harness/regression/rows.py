@@ -122,7 +122,7 @@ class StoredScore:
 
 
 class FieldFault(HarnessError):
-    """A key of a table is missing, unknown, or has a wrong value; :attr:`key` says which."""
+    """A key of a table is missing, unknown, or has a wrong value; ``key`` says which."""
 
     def __init__(self, key: str, message: str) -> None:
         """``key``: the empty string where none is at fault by itself."""

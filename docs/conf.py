@@ -1,0 +1,48 @@
+"""Sphinx: the pages in Markdown, the reference from the docstrings. Builds without a network."""
+
+from importlib.metadata import version as version_of
+
+from sphinx.ext.napoleon import GoogleDocstring
+
+import harness
+
+project = "POMDP benchmark harness"
+author = "The POMDP benchmark harness developers"
+copyright = f"2026, {author}"
+version = release = version_of("pomdp-harness")
+
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "myst_parser",
+]
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 3
+default_role = "code"  # what stands between single backquotes is code, as in Markdown
+
+html_theme = "furo"
+html_title = f"{project} {version}"
+
+autodoc_default_options = {"members": True, "member-order": "bysource", "show-inheritance": True}
+napoleon_numpy_docstring = False
+# Napoleon takes what stands before a colon in an attribute's docstring for its type; ours are annotated.
+GoogleDocstring._parse_attribute_docstring = GoogleDocstring._consume_to_end
+
+# Types of other packages would need their inventories, and so a network; a type of ours must be found.
+nitpick_ignore_regex = [("py:class", r"(?!harness\.).*"), ("py:class", r"harness\..*\._\w+")]
+
+
+def _public_name(app, env, node, contnode):
+    """``harness.compare`` leads to where it is defined, ``harness.comparison.compare``."""
+    package, _, name = node.get("reftarget", "").rpartition(".")
+    if package != "harness" or name not in harness.__all__:
+        return None
+    target = f"{getattr(harness, name).__module__}.{name}"
+    return env.get_domain("py").resolve_xref(env, node["refdoc"], app.builder, "obj", target, node, contnode)
+
+
+def setup(app):
+    """Called by Sphinx."""
+    app.connect("missing-reference", _public_name)

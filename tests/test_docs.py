@@ -1,0 +1,71 @@
+"""The documentation keeps up with the code: its Python runs, and its lists are complete."""
+
+from __future__ import annotations
+
+import pkgutil
+import re
+from pathlib import Path
+
+import pytest
+
+import harness
+from harness import bridge
+from harness.ge import grammar as bnf
+from harness.ge.fitness import check_language
+from harness.program import parse, words_of
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+VERSION = re.search(r'^version = "(.*)"$', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE)[1]
+
+
+def blocks(path, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", path.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("path", [path for path in PAGES if blocks(path, "python")], ids=lambda path: path.stem)
+def test_the_python_of_a_page_runs(path):
+    scope: dict = {}
+    for block in blocks(path, "python"):
+        exec(block, scope)
+
+
+def test_the_program_and_the_grammar_shown_are_ones(rocksample, tmp_path):
+    program, grammar = blocks(ROOT / "docs" / "programs.md", "text")
+    assert parse(program, words_of(rocksample)).length == 4
+    file = tmp_path / "shown.bnf"
+    file.write_text(grammar, encoding="utf-8")
+    check_language(bnf.read(file), words_of(rocksample))
+
+
+def test_all_public_names_are_listed():
+    listed = re.findall(r"^   harness\.(\w+)$", (ROOT / "docs" / "api" / "public.md").read_text(), re.MULTILINE)
+    assert sorted(listed) == sorted(harness.__all__)
+
+
+def test_every_module_is_in_the_reference():
+    """But the commands: their help is their documentation."""
+    modules = {module.name for module in pkgutil.walk_packages(harness.__path__, "harness.")}
+    pages = (ROOT / "docs" / "api").glob("*.md")
+    shown = {
+        name for page in pages for name in re.findall(r"^\.\. automodule:: (\S+)$", page.read_text(), re.MULTILINE)
+    }
+    assert shown == {name for name in modules if not re.match(r"harness\.(cli|__main__)", name)}
+
+
+def test_every_verb_of_the_interface_is_explained():
+    source = (bridge.package_folder() / "src" / "interface.jl").read_text(encoding="utf-8")
+    verbs = set(re.findall(r'^"""\n    (\w+)\(', source, re.MULTILINE))
+    assert len(verbs) > 10
+    page = (ROOT / "docs" / "new-domain.md").read_text(encoding="utf-8")
+    assert verbs == set(re.findall(r"`(\w+)\(m[,)]", page))
+
+
+def test_the_newest_version_of_the_changelog_is_the_package_s():
+    versions = re.findall(r"^## \[(.*?)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert versions[0] == VERSION
+
+
+def test_the_citation_is_of_this_version():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.*)$", citation, re.MULTILINE)[1] == VERSION

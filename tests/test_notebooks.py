@@ -1,0 +1,53 @@
+"""The notebooks run from top to bottom, in a small size, and are committed without outputs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+ROOT = Path(__file__).parent.parent
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+
+PICTURES = {"1-baselines": 5, "2-evolve-and-tune": 5, "3-bordercross": 4, "4-your-own-model": 3}
+"""How many figures each notebook shows."""
+
+
+def run(path):
+    """The notebook with its outputs, run as a person runs it: in its folder, with this Python."""
+    book = nbformat.read(path, as_version=4)
+    client = NotebookClient(
+        book, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
+    )
+    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]  # this checkout's harness
+    return client.execute(env={**os.environ, "HARNESS_NOTEBOOK_SIZE": "small", "PYTHONPATH": os.pathsep.join(paths)})
+
+
+def outputs(book, kind):
+    return [output for cell in book.cells for output in cell.get("outputs", ()) if output["output_type"] == kind]
+
+
+def test_all_notebooks_are_known():
+    assert [path.stem for path in NOTEBOOKS] == sorted(PICTURES)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_it_is_committed_valid_and_without_outputs(path):
+    book = nbformat.read(path, as_version=4)
+    nbformat.validate(book)
+    for cell in book.cells:
+        assert not cell.get("outputs"), "clear the outputs before committing: see CONTRIBUTING.md"
+        assert cell.get("execution_count") is None
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_it_runs(path):
+    """Without an error, without a warning, and with its pictures."""
+    book = run(path)
+    texts = [output["text"] for output in outputs(book, "stream") if output["name"] == "stderr"]
+    assert texts == []
+    shown = outputs(book, "display_data") + outputs(book, "execute_result")
+    assert sum("image/png" in output["data"] for output in shown) == PICTURES[path.stem]
