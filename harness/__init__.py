@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from harness.policy import Policy
     from harness.registry import load, names
     from harness.regression.checking import check_scores, update_scores
+    from harness.reproduction import reproduce
     from harness.show import replay
     from harness.tuning import Tunable, sweep, tune
     from harness.tuning.figures import sweep_figure
@@ -51,6 +52,7 @@ __all__ = [
     "load",
     "names",
     "replay",
+    "reproduce",
     "resume",
     "sweep",
     "sweep_figure",
@@ -75,6 +77,7 @@ _HOME = {
     "load": "registry",
     "names": "registry",
     "replay": "show",
+    "reproduce": "reproduction",
     "resume": "ge.runs",
     "update_scores": "regression.checking",
     "sweep": "tuning",

@@ -112,13 +112,13 @@ def _rows(table: pd.DataFrame) -> str:
 
 
 def _keep_sweep(table: pd.DataFrame, options: argparse.Namespace) -> None:
-    from harness import files
+    from harness import drawing, files
     from harness.tuning import figures
 
     path = options.out / "sweep.csv"
     files.replace_text(path, table.to_csv(index=False, lineterminator="\n"))
     title = f"{options.policy.partition(':')[0]} on {options.domain}, horizon {options.horizon}"
-    figures.save(figures.sweep_figure(table, title), options.out / "sweep.png")
+    drawing.save(figures.sweep_figure(table, title), options.out / "sweep.png")
     print(f"{path} and sweep.png are written")
 
 
@@ -138,9 +138,9 @@ def _tune(options: argparse.Namespace) -> None:
         raise
     print(_summary(result))
     if folder is not None:
-        from harness.tuning import figures
+        from harness import drawing
 
-        figures.save(result.plot(), folder / "history.png")
+        drawing.save(result.plot(), folder / "history.png")
         more = ", best.txt" if (folder / "best.txt").exists() else ""
         print(f"{folder}: config.json, history.csv, history.png{more} and result.json are written")
 
