@@ -117,12 +117,13 @@ def evolve(
 
 def _refined(grammar: Grammar, p: Parameters, fitness: Fitness, refine: Refine, generation: Generation) -> Generation:
     """Let the best learn; they are judged anew by the generation's own episodes, like everybody."""
-    best = list(generation.ranking())[: p.refine]
+    known = generation.ranking()
+    best = list(known)[: p.refine]
     chosen = [i for i, text in enumerate(generation.phenotypes) if text in best]
     learnt, cost = refine([generation.individuals[i] for i in chosen], generation.number)
-    different = list(dict.fromkeys(new.phenotype for new in learnt))
+    different = [text for text in dict.fromkeys(new.phenotype for new in learnt) if text not in known]
     evaluated = fitness(different, generation.number)
-    by_text = dict(zip(different, evaluated.fitness.tolist(), strict=True))
+    by_text = known | dict(zip(different, evaluated.fitness.tolist(), strict=True))
     individuals, phenotypes, scores = (
         list(generation.individuals),
         list(generation.phenotypes),

@@ -115,7 +115,10 @@ class Refiner:
                 subject = _Spelled(program, places) if places else Constants(program)
                 known[text], cost = tuned(self.fitness, subject, generation)
                 steps += cost
-            learnt.append(self._passed_on(individual, places, known[text]))
+            changed = known[text].text != program.text
+            learnt.append(
+                self._passed_on(individual, places, known[text]) if changed else Learnt(individual.codons, text)
+            )
         return learnt, steps
 
     def _places(self, individual: Parent, program: Program) -> list[Place | None] | None:
