@@ -168,6 +168,15 @@ class TestWriteBack:
         )
         assert derive(grammar, back).phenotype == "if(belief(1) > 0.7) up()"
 
+    def test_two_numbers_that_change_their_lengths(self, words):
+        grammar = named("any number of digits")
+        codons = np.array([1, 0, 1, 0, 0, 2, 0, 1, 1, 0, 0, 1], dtype=np.int32)
+        text = derive(grammar, codons).phenotype
+        assert text == "if(belief(1) > 0.7) up() if(belief(4) > 0.1) sample()"
+        speller = Speller(grammar, 1000)
+        new = speller.write(codons, speller.places(codons, constant_spans(text, words)), [0.147, 0.41])
+        assert derive(grammar, new).phenotype == "if(belief(1) > 0.147) up() if(belief(4) > 0.41) sample()"
+
     def test_numbers_that_no_rule_spells_stay(self, words):
         grammar = bnf.parse("<code> ::= if(<test>) up()\n<test> ::= belief(1) > 0.5 | belief(2) > 0.7\n")
         codons = np.array([1], dtype=np.int32)
@@ -351,12 +360,15 @@ class TestRuns:
     def test_workers_change_nothing_and_every_step_is_counted(self, look, kind, monkeypatch):
         options = {**SMALL, **KINDS[kind], "engine": "tables"}
         other = harness.evolve("rocksample-7x8", look, workers=3, **options)
-        counted, plain, last = [], population.play, (SMALL["generations"] + 1) * SMALL["episodes"]
+        counted, tuning, plain, last = [], set(), population.play, (SMALL["generations"] + 1) * SMALL["episodes"]
+        learning = [3, 6] if kind != "end" else []
 
         def play(domain, programs, episodes, *rest):
             played = plain(domain, programs, episodes, *rest)
             if episodes.seed == rng.REFINEMENT or (episodes.seed == rng.TRAINING and episodes.first < last):
                 counted.append(int(played.steps.sum()))
+            if episodes.seed == rng.REFINEMENT:
+                tuning.add((episodes.first, episodes.size))
             return played
 
         monkeypatch.setattr(population, "play", play)
@@ -367,6 +379,7 @@ class TestRuns:
         assert result.best.text == other.best.text
         pd.testing.assert_frame_equal(result.finalists, other.finalists, check_exact=True)
         assert result.history["steps"].sum() == sum(counted)
+        assert tuning == {(30 * generation, 30) for generation in [*learning, 9]}  # each time others
 
     def test_until_something_is_learnt_it_is_the_plain_run(self, look):
         plain = harness.evolve("rocksample-7x8", look, engine="tables", workers=1, **{**SMALL, "refine": 0})

@@ -195,12 +195,16 @@ class TestGoingOn:
         shutil.copytree(folder, other)
         picture, name = {"figure_3": ("figure3.png", "learning"), "figure_6": ("figure6.png", "crossing")}[step]
         (other / picture).unlink()
+        configs = sorted(other.glob("*/seed-*/config.json"))
+        times = [path.stat().st_mtime_ns for path in configs]
         monkeypatch.setattr(figures, name, stop)
         with pytest.raises(KeyboardInterrupt):
             reproduce(other, TINY, engine="tables", workers=1)
         monkeypatch.undo()
         reproduce(other, TINY, engine="tables", workers=1)
         assert contents(other) == contents(folder)
+        assert [path.stat().st_mtime_ns for path in configs] == times  # resumed, not begun anew
+        assert len(configs) == 8
 
     def test_ctrl_c_says_how_to_go_on(self, tmp_path):
         out = tmp_path / "run"

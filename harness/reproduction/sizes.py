@@ -33,16 +33,16 @@ class Sizes:
 
 FULL = Sizes()
 QUICK = Sizes(
-    episodes=2_000,
-    rollout_episodes=60,
+    episodes=4_000,
+    rollout_episodes=100,
     sweep_points=26,
-    sweep_episodes=1_000,
-    gradient_episodes=1_000,
-    runs=3,
-    population=100,
+    sweep_episodes=2_000,
+    gradient_episodes=2_000,
+    runs=4,
+    population=125,
     training_episodes=50,
-    generations=100,
-    threshold_generations=15,
-    test_episodes=200,
+    generations=150,
+    threshold_generations=20,
+    test_episodes=300,
 )
 """Under two minutes on two cores; the figures show the shapes, the numbers are rough."""
