@@ -30,7 +30,7 @@ QUICK = {  # settings that make a run on real episodes short
     "spsa": {"episodes": 300, "iterations": 6},
     "score": {"episodes": 40, "pairs": 5, "iterations": 6},
     "cmaes": {"episodes": 300, "iterations": 6},
-    "lines": {"episodes": 300, "iterations": 6},
+    "lines": {"episodes": 300, "iterations": 6, "resolution": 0.0005},
 }
 
 

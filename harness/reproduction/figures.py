@@ -81,11 +81,12 @@ def crossing(histories: pd.DataFrame) -> Figure:
     """Figure 6. Left what the search sees, right the true team return of the same programs."""
     figure = blank(6.3, 3.6)
     panels = figure.subplots(1, 2)
-    for axes, column, what in zip(panels, ("best", "test"), ("fitness, shaping included", "true"), strict=True):
+    labels = ("fitness (reward with shaping)", "team return (reward)")
+    for axes, column, label in zip(panels, ("best", "test"), labels, strict=True):
         for shaping, style in zip(paper.SHAPINGS, _STYLES, strict=True):
             name = "no shaping" if shaping == "none" else f"shaping: {shaping}"
             _curve(axes, histories[histories["shaping"] == shaping], column, name, style)
-        axes.set(xlabel="generation", ylabel=f"team return (reward; {what})")
+        axes.set(xlabel="generation", ylabel=label)
         plain(axes)
         axes.margins(x=0.01)
     figure.legend(

@@ -19,17 +19,17 @@ def search(folder: Folder) -> str:
     for word in paper.HEURISTICS:
         own = evolved[evolved["heuristic"] == word]["mean"].tolist()
         rows.append([f"{word}-based policy", '"most of the reward"', quartiles(own)])
-    poor = float(np.median(full)) < evolved["mean"].median()
+    curve = evolutions.search_history(folder, evolutions.FULL_SEARCH).groupby("generation")["test"].median()
+    most, least = np.median(full), evolved["mean"].min()
+    compared = "stays below" if most < least else "does not stay below"
     return parts(
         "## Figure 3: grammatical evolution on RockSample",
         "![learning curves](figure3.png)",
         table(["what evolved", "published", "ours: the winners on fresh episodes, median of the runs"], rows),
-        prose(
-            """As in the paper, the full search improves steadily and stays far below the parametrized policies, which
-            find a good threshold at once."""
-            if poor
-            else "Other than in the paper, the full search does no worse than the parametrized policies."
-        ),
+        prose(f"""Published: the full search improves steadily, and the parametrized policies quickly find a threshold
+            that gets most of the reward. Here the full search's median goes from {curve.iloc[0]:.2f} in the first
+            population to {curve.iloc[-1]:.2f} in the last ({curve.index[-1]} generations), and {compared} the
+            parametrized policies, which are at {least:.2f} or more."""),
         prose("""The paper's curves are of the fitness, the mean of 100 episodes that selection has seen, and wobble;
             ours are of the same programs on fresh episodes."""),
         "## Figure 4: best program of the full search",
