@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from harness.registry import load, names
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
+    from harness.reproduction import reproduce
     from harness.show import replay
     from harness.tuning import Tunable, sweep, tune
     from harness.tuning.figures import sweep_figure
@@ -57,6 +58,7 @@ __all__ = [
     "load",
     "names",
     "replay",
+    "reproduce",
     "resume",
     "sweep",
     "sweep_figure",
@@ -86,6 +88,7 @@ _HOME = {
     "load": "registry",
     "names": "registry",
     "replay": "show",
+    "reproduce": "reproduction",
     "resume": "ge.runs",
     "update_scores": "regression.checking",
     "sweep": "tuning",

@@ -23,6 +23,9 @@ TRAINING = 1 << 62
 HELD_OUT = 1 << 61
 """Added to the seed of the fresh episodes on which what was learnt is scored."""
 
+REFINEMENT = TRAINING + HELD_OUT
+"""Added to the seed of the episodes on which constants are tuned in the course of an evolution."""
+
 _BLOCK = 4  # Philox makes four 64-bit numbers for each value of its counter
 
 

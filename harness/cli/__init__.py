@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from harness.cli import checks, evolution, models, reporting, scores, tuning
+from harness.cli import checks, evolution, models, reporting, reproduction, scores, tuning
 from harness.errors import HarnessError
 
 
@@ -45,6 +45,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="harness", description="Benchmark of evolved, heuristic and solved POMDP policies.")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=_Parser)
-    for room in (scores, evolution, tuning, reporting, checks, models):
+    for room in (scores, evolution, tuning, reproduction, reporting, checks, models):
         room.register(commands)
     return parser

@@ -90,7 +90,8 @@ def _report_one(result: Any, folder: Path) -> None:
     best, p = result.best, result.parameters
     score = best.score
     print(best.text)
-    print(f"fitness in the last generation   {best.fitness:9.2f}   (chosen by these {p.episodes} episodes: lucky)")
+    if best.fitness == best.fitness:  # else its constants were tuned after the last generation
+        print(f"fitness in the last generation   {best.fitness:9.2f}   (chosen by these {p.episodes} episodes: lucky)")
     print(f"fitness among the finalists      {best.validation:9.2f}   ({p.validation_episodes:,} other episodes)")
     more = f"discounted {score.discounted_mean:.2f} ± {score.discounted_sem:.2f}, success {score.success_rate:.1%}"
     print(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from harness.tuning.run import Tuned
 
-METHODS = ("gradient", "spsa", "score", "cmaes")
+METHODS = ("gradient", "spsa", "score", "cmaes", "lines")
 MEASURES = ("return", "discounted")
 
 
@@ -35,7 +35,9 @@ def register(commands: Any) -> None:
 
     tune = commands.add_parser("tune", help="tune the numbers in a policy")
     tune.add_argument("domain", nargs="?", metavar="DOMAIN", help="a domain; may be left out with --resume")
-    tune.add_argument("--policy", metavar="SPEC", help="the policy; its numbers are the start: belief:0.6")
+    tune.add_argument(
+        "--policy", metavar="SPEC", help="the policy; its numbers are the start: belief:0.6, program:FILE"
+    )
     tune.add_argument("--method", choices=METHODS, help="default gradient")
     tune.add_argument("--measure", choices=MEASURES, help="what to maximise (default: return, undiscounted)")
     tune.add_argument("--seed", type=natural, metavar="N", help="default 0")
@@ -45,7 +47,12 @@ def register(commands: Any) -> None:
         "--set", action="append", type=setting, default=[], metavar="NAME=X", help="a setting of the method"
     )
     where = tune.add_mutually_exclusive_group()
-    where.add_argument("--out", type=Path, metavar="DIR", help="keep config.json, history.csv and result.json there")
+    where.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="keep config.json, history.csv and result.json there; of a program also best.txt",
+    )
     where.add_argument("--resume", type=Path, metavar="DIR", help="go on with the run there")
     tune.set_defaults(run=_tune)
 
@@ -100,17 +107,18 @@ def _rows(table: pd.DataFrame) -> str:
         for _, r in table.iterrows()
     ]
     text = tabulate(lines, headers=[name, "return", "discounted"], disable_numparse=True, stralign="right")
-    return f"{text}\n\nhighest return: {best['mean']:.2f} ± {best['sem']:.2f} by {best['policy']}"
+    by = f"{name} = {best[name]:g}" if "\n" in best["policy"] else best["policy"]
+    return f"{text}\n\nhighest return: {best['mean']:.2f} ± {best['sem']:.2f} by {by}"
 
 
 def _keep_sweep(table: pd.DataFrame, options: argparse.Namespace) -> None:
-    from harness import files
+    from harness import drawing, files
     from harness.tuning import figures
 
     path = options.out / "sweep.csv"
     files.replace_text(path, table.to_csv(index=False, lineterminator="\n"))
     title = f"{options.policy.partition(':')[0]} on {options.domain}, horizon {options.horizon}"
-    figures.save(figures.sweep_figure(table, title), options.out / "sweep.png")
+    drawing.save(figures.sweep_figure(table, title), options.out / "sweep.png")
     print(f"{path} and sweep.png are written")
 
 
@@ -130,10 +138,11 @@ def _tune(options: argparse.Namespace) -> None:
         raise
     print(_summary(result))
     if folder is not None:
-        from harness.tuning import figures
+        from harness import drawing
 
-        figures.save(result.plot(), folder / "history.png")
-        print(f"{folder}: config.json, history.csv, history.png and result.json are written")
+        drawing.save(result.plot(), folder / "history.png")
+        more = ", best.txt" if (folder / "best.txt").exists() else ""
+        print(f"{folder}: config.json, history.csv, history.png{more} and result.json are written")
 
 
 def _run(options: argparse.Namespace, given: dict[str, Any]) -> Tuned:
@@ -148,16 +157,18 @@ def _run(options: argparse.Namespace, given: dict[str, Any]) -> Tuned:
 
 
 def _summary(result: Tuned) -> str:
+    from harness.tuning.run import brief
+
     run, best = result.config["run"], result.best
     kind = "discounted" if run["measure"] == "discounted" else "undiscounted"
     points = len(result.history)
     return "\n".join(
         [
-            f"{run['method']} on {run['domain']} from {run['policy']}, {kind} return, seed {run['seed']}: "
+            f"{run['method']} on {run['domain']} from {brief(run['policy'])}, {kind} return, seed {run['seed']}: "
             f"{points:,} evaluations of {result.history['episodes'].iloc[0]:,} episodes",
             f"stopped: {result.stopped}",
             "",
-            f"  {best.policy}",
+            *(f"  {line}" for line in best.policy.splitlines()),
             *(
                 f"  {what:<28} return {s.mean:.2f} ± {s.sem:.2f}   discounted {s.discounted_mean:.2f} ± "
                 f"{s.discounted_sem:.2f}   ({s.episodes:,} episodes)"

@@ -50,7 +50,10 @@ class ProgramFitness:
     def play(self, programs: Sequence[Program], first: int, count: int) -> population.Played:
         """The programs in the episodes of the search from number ``first`` on."""
         p = self.parameters
-        episodes = Episodes(rng.TRAINING + p.seed, first, count, p.horizon)
+        return self.play_on(programs, Episodes(rng.TRAINING + p.seed, first, count, p.horizon))
+
+    def play_on(self, programs: Sequence[Program], episodes: Episodes) -> population.Played:
+        """The programs in any episodes, under the shaping of the search."""
         return population.play(self.domain, programs, episodes, self.engine, self.workers)
 
     def penalized(self, programs: Sequence[Program], returns: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -35,21 +35,48 @@ Fitness = Callable[[Sequence[str], int], Evaluated]
 """(different phenotypes, generation) -> their fitness. The same arguments must give the same numbers."""
 
 
+class Learnt(NamedTuple):
+    """What became of an individual in its life."""
+
+    codons: Codons
+    """What it passes on: its own codons (Baldwin), or others that derive what it has learnt (Lamarck)."""
+    phenotype: str
+    """What it is judged by."""
+
+
+Refine = Callable[[Sequence[Parent], int], tuple[list[Learnt], int]]
+"""(valid individuals, generation) -> what each has learnt, and what that cost. A function of its arguments."""
+
+
 class Generation(NamedTuple):
     """A population after its evaluation."""
 
     number: int
+    population: Sequence[Codons]
+    """As it was bred: evaluating it again gives this generation again."""
     individuals: list[Parent]
+    phenotypes: list[str | None]
+    """What each is judged by: its derivation's phenotype, or what it has learnt; None for invalid individuals."""
     fitness: NDArray[np.float64]
     """−inf for invalid individuals: no phenotype, or one that the fitness could make nothing of."""
     behaviours: int
     cost: int
-    """Of all evaluations since the generation before."""
+    """Of all evaluations since the generation before, and of learning."""
 
     def best(self) -> str | None:
         """Phenotype of the fittest individual; None when all are invalid."""
         fittest = int(self.fitness.argmax())
-        return self.individuals[fittest].derivation.phenotype if np.isfinite(self.fitness[fittest]) else None
+        return self.phenotypes[fittest] if np.isfinite(self.fitness[fittest]) else None
+
+    def ranking(self) -> dict[str, float]:
+        """The different phenotypes and their fitness, best first."""
+        order = np.argsort(-self.fitness, kind="stable")
+        ranked: dict[str, float] = {}
+        for i in order:
+            text = self.phenotypes[i]
+            if text is not None and np.isfinite(self.fitness[i]):
+                ranked.setdefault(text, float(self.fitness[i]))
+        return ranked
 
 
 def first_population(grammar: Grammar, p: Parameters) -> list[Codons]:
@@ -59,16 +86,24 @@ def first_population(grammar: Grammar, p: Parameters) -> list[Codons]:
 
 
 def evolve(
-    grammar: Grammar, p: Parameters, fitness: Fitness, population: Sequence[Codons], start: int = 0
+    grammar: Grammar,
+    p: Parameters,
+    fitness: Fitness,
+    population: Sequence[Codons],
+    start: int = 0,
+    refine: Refine | None = None,
 ) -> Iterator[Generation]:
     """Yield every evaluated generation from ``start``, whose population is given, to ``p.generations``.
 
     In the generational scheme the elites and the children of selected parents replace everybody; elites are
     evaluated anew like the others, so that a lucky fitness does not last. In the steady-state scheme two children at
-    a time replace the two worst, if they are better.
+    a time replace the two worst, if they are better. With ``refine`` the best ``p.refine`` phenotypes of every
+    ``p.refine_every``-th generation learn before they breed.
     """
     generation = _evaluate(grammar, p, fitness, population, start)
     while True:
+        if refine and p.refine_every and generation.number and generation.number % p.refine_every == 0:
+            generation = _refined(grammar, p, fitness, refine, generation)
         yield generation
         if generation.number >= p.generations:
             return
@@ -79,6 +114,31 @@ def evolve(
             population = next_population(grammar, p, generation)
         generation = _evaluate(grammar, p, fitness, population, generation.number + 1)
         generation = generation._replace(cost=generation.cost + cost)
+
+
+def _refined(grammar: Grammar, p: Parameters, fitness: Fitness, refine: Refine, generation: Generation) -> Generation:
+    """Let the best learn; they are judged anew by the generation's own episodes, like everybody."""
+    known = generation.ranking()
+    best = list(known)[: p.refine]
+    chosen = [i for i, text in enumerate(generation.phenotypes) if text in best]
+    learnt, cost = refine([generation.individuals[i] for i in chosen], generation.number)
+    different = [text for text in dict.fromkeys(new.phenotype for new in learnt) if text not in known]
+    evaluated = fitness(different, generation.number)
+    by_text = known | dict(zip(different, evaluated.fitness.tolist(), strict=True))
+    individuals, phenotypes, scores = (
+        list(generation.individuals),
+        list(generation.phenotypes),
+        generation.fitness.copy(),
+    )
+    for i, new in zip(chosen, learnt, strict=True):
+        individuals[i] = Parent(new.codons, derive(grammar, new.codons, p.max_wraps))
+        phenotypes[i], scores[i] = new.phenotype, by_text[new.phenotype]
+    return generation._replace(
+        individuals=individuals,
+        phenotypes=phenotypes,
+        fitness=scores,
+        cost=generation.cost + cost + evaluated.cost,
+    )
 
 
 def next_population(grammar: Grammar, p: Parameters, generation: Generation) -> list[Codons]:
@@ -135,7 +195,7 @@ def _evaluate(
     evaluated = fitness(different, number)
     by_text = dict(zip(different, evaluated.fitness.tolist(), strict=True))
     scores = np.array([-np.inf if text is None else by_text[text] for text in phenotypes])
-    return Generation(number, individuals, scores, evaluated.behaviours, evaluated.cost)
+    return Generation(number, population, individuals, phenotypes, scores, evaluated.behaviours, evaluated.cost)
 
 
 def _generator(p: Parameters, generation: int) -> np.random.Generator:

@@ -10,6 +10,7 @@ from harness.ge.initialisation import METHODS
 from harness.ge.operators import CROSSOVERS, MUTATIONS
 
 REPLACEMENTS = ("generational", "steady-state")
+LAMARCKIAN, BALDWINIAN = INHERITANCES = ("lamarckian", "baldwinian")
 
 
 def _parameter(
@@ -44,6 +45,12 @@ class Parameters:
     mutation: str = _parameter("per-codon", "of a child", MUTATIONS)
     mutation_probability: float = _parameter(0.01, "of each codon, or of a child", least=0, most=1)
     replacement: str = _parameter("generational", "how children enter the population", REPLACEMENTS)
+    refine: int = _parameter(0, "best programs whose constants are tuned at the end (0: none)", least=0)
+    refine_every: int = _parameter(0, "generations from one tuning of the best ones' constants to the next", least=0)
+    inheritance: str = _parameter(
+        LAMARCKIAN, "of constants tuned on the way: written into the codons, or only credited", INHERITANCES
+    )
+    refine_episodes: int = _parameter(100, "episodes on which constants are tuned", least=2)
     test_episodes: int = _parameter(1000, "fresh episodes that score each generation's best in the history", least=2)
     finalists: int = _parameter(20, "programs of the last generation that are compared once more", least=1)
     validation_episodes: int = _parameter(2000, "episodes of that comparison, which no generation has seen", least=2)
@@ -59,6 +66,8 @@ class Parameters:
             _check(f.name, getattr(self, f.name), f.default, f.metadata)
         if self.elites >= self.population:
             raise HarnessError(f"elites must be fewer than the population of {self.population}, not {self.elites}")
+        if self.refine_every and not self.refine:
+            raise HarnessError("refine_every needs refine, the number of programs whose constants are tuned")
 
 
 def from_record(record: dict[str, Any]) -> Parameters:

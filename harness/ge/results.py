@@ -25,7 +25,8 @@ class Best:
 
     program: Program
     fitness: float
-    """Of the last generation: the episodes that selected it, so it is a lucky figure."""
+    """Of the last generation: the episodes that selected it, so it is a lucky figure. NaN for a program whose constants
+    were tuned at the end, which no generation has seen."""
     validation: float
     """Fitness in the comparison of the finalists, of which it is the maximum, so still a little lucky."""
     score: Score
@@ -126,7 +127,7 @@ COLUMNS = {
     "codons": "mean length of the genotypes",
     "used": "mean number of codons read",
     "depth": "mean depth of the derivation trees",
-    "steps": "environment steps of the fitness evaluations",
+    "steps": "environment steps of the fitness evaluations and of tuning constants",
     "seconds": "time the generation took, the only column that differs between equal runs",
 }
 """Columns of a history."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -21,7 +22,7 @@ from harness.ge.defaults import grammar_for
 from harness.ge.fitness import ProgramFitness, check_language
 from harness.ge.folder import RunFolder, State, provenance
 from harness.ge.grammar import Grammar
-from harness.ge.parameters import Parameters, from_record
+from harness.ge.parameters import LAMARCKIAN, Parameters, from_record
 from harness.ge.results import Best, Evolution
 from harness.policy.program import ProgramPolicy
 from harness.program import words_of
@@ -57,6 +58,11 @@ def prepare(
 def _checked(domain: Domain, grammar: Grammar, parameters: Parameters, engine: str, workers: int) -> Setup:
     domain.shaped(parameters.shaping)
     check_language(grammar, words_of(domain))
+    if parameters.refine:
+        from harness.ge.refinement import check_constants  # here: it brings in all of the tuning
+
+        words, in_between = words_of(domain), parameters.refine_every > 0
+        check_constants(grammar, words, in_between and parameters.inheritance == LAMARCKIAN)
     return Setup(domain, grammar, parameters, engines.choose(engine, domain), workers)
 
 
@@ -102,8 +108,11 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         watch(row)
     saved = begun = time.monotonic()
     last: loop.Generation | None = None  # the last one that is in the history
+    rivals: list[str] = []
     try:
-        for generation in loop.evolve(setup.grammar, p, fitness, first, start):
+        for generation in loop.evolve(setup.grammar, p, fitness, first, start, _refiner(setup, fitness)):
+            if generation.number == p.generations:
+                generation, rivals = _with_rivals(p, fitness, generation)
             if generation.number == len(rows):  # a checkpoint's own generation has its row
                 now = time.monotonic()
                 rows.append(_row(setup, fitness, generation, now - begun))
@@ -117,12 +126,38 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         if folder and last:
             _save(folder, fitness, last, rows[: last.number + 1])
     assert last is not None
-    return _finish(setup, fitness, last, pd.DataFrame(rows), folder)
+    return _finish(setup, fitness, last, rivals, pd.DataFrame(rows), folder)
+
+
+def _refiner(setup: Setup, fitness: ProgramFitness) -> loop.Refine | None:
+    if not setup.parameters.refine_every:
+        return None
+    from harness.ge.refinement import Refiner  # here: it brings in all of the tuning
+
+    return Refiner(setup.grammar, fitness)
+
+
+def _with_rivals(p: Parameters, fitness: ProgramFitness, last: loop.Generation) -> tuple[loop.Generation, list[str]]:
+    """The last generation, its cost that of tuning its best programs too, and what they became."""
+    if not p.refine:
+        return last, []
+    from harness.ge.refinement import rivals
+
+    made, cost = rivals(fitness, list(_different(fitness, last))[: p.refine], p.generations + 1)
+    return last._replace(cost=last.cost + cost), made
+
+
+def _different(fitness: ProgramFitness, last: loop.Generation) -> dict[str, float]:
+    """The different programs of a generation as written out, and their fitness, best first."""
+    by_text: dict[str, float] = {}
+    for text, value in last.ranking().items():
+        by_text.setdefault(fitness.compile(text).text, value)
+    return by_text
 
 
 def _save(folder: RunFolder, fitness: ProgramFitness, generation: loop.Generation, rows: list[dict[str, Any]]) -> None:
     best = generation.best()
-    state = State(generation.number, [individual.codons for individual in generation.individuals], rows)
+    state = State(generation.number, list(generation.population), rows)
     folder.save(state, None if best is None else fitness.compile(best).text)
 
 
@@ -162,25 +197,26 @@ def _test(setup: Setup, fitness: ProgramFitness, best: str) -> tuple[float, floa
 
 
 def _finish(
-    setup: Setup, fitness: ProgramFitness, last: loop.Generation, history: pd.DataFrame, folder: RunFolder | None
+    setup: Setup,
+    fitness: ProgramFitness,
+    last: loop.Generation,
+    rivals: list[str],
+    history: pd.DataFrame,
+    folder: RunFolder | None,
 ) -> Evolution:
-    """Compare the best programs of the last generation on new episodes, and score the winner on fresh ones."""
+    """Compare the best programs of the last generation, and their rivals with tuned constants, on new episodes; score
+    the winner on fresh ones."""
     p = setup.parameters
-    order = np.argsort(-last.fitness, kind="stable")
-    by_text: dict[str, float] = {}
-    for i in order:
-        text = last.individuals[i].derivation.phenotype
-        if text is not None and np.isfinite(last.fitness[i]):
-            by_text.setdefault(fitness.compile(text).text, float(last.fitness[i]))
+    by_text = _different(fitness, last)
     if not by_text:
         raise HarnessError("no individual of the last generation is valid; allow wraps, or more codons")
-    texts = list(by_text)[: p.finalists]
+    texts = list(dict.fromkeys([*list(by_text)[: p.finalists], *rivals]))
     programs = [fitness.compile(text) for text in texts]
     returns = fitness.play(programs, (p.generations + 1) * p.episodes, p.validation_episodes).returns
     validation = fitness.penalized(programs, returns)
     finalists = pd.DataFrame(
         {
-            "fitness": [by_text[text] for text in texts],
+            "fitness": [by_text.get(text, np.nan) for text in texts],
             "validation": validation,
             "validation_sem": [mean_and_sem(row)[1] for row in returns],
             "length": [program.length for program in programs],
@@ -197,7 +233,7 @@ def _finish(
         engine=setup.engine,
         workers=setup.workers,
     )
-    best = Best(winner, by_text[winner.text], float(validation.max()), result.score)
+    best = Best(winner, by_text.get(winner.text, math.nan), float(validation.max()), result.score)
     if folder:
         folder.finish(_record(setup, best), finalists)
     return Evolution(setup.domain.name, p, history, finalists, best)
@@ -207,7 +243,7 @@ def _record(setup: Setup, best: Best) -> dict[str, Any]:
     """``best.json``: the winner with its figures and all that it came from."""
     return {
         "program": best.text.splitlines(),
-        "fitness": best.fitness,
+        "fitness": None if math.isnan(best.fitness) else best.fitness,
         "validation": best.validation,
         "score": best.score._asdict(),
         **config_of(setup, setup.domain.name),

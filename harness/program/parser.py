@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.errors import PolicyError
 from harness.program.compiled import Program
-from harness.program.words import ACT, AGAIN, AND, ELSE, IF, INSTRUCTION, NOT, OR, WHILE, Words, instruction
+from harness.program.words import ACT, AGAIN, AND, BELIEF, ELSE, IF, INSTRUCTION, NOT, OR, WHILE, Words, instruction
 
 MAX_NESTING = 50
 """Blocks and parentheses inside one another; the interpreter keeps pending truth values in the bits of one integer."""
@@ -57,6 +57,23 @@ def parse(text: str, words: Words, *, loop: bool = False, source: str = "program
     if pieces is None:
         return _Parser(text, words, source).program(loop)
     return Program(words, np.frombuffer(b"".join(pieces), INSTRUCTION), loop)
+
+
+def constant_spans(text: str, words: Words) -> list[tuple[int, int]]:
+    """Where in a program's text the numbers stand that beliefs are compared with: (first character, one past the last).
+
+    They are those of :attr:`harness.program.Program.constants`, in the same order. ``text`` must be a program.
+    """
+    spans = []
+    for token in _Parser(text, words, "program").tokens:
+        test = token.text if token.kind == "atom" else None
+        at = token.start
+        if token.kind == "simple" and (parts := _PARTS.fullmatch(token.text)) is not None:
+            test, at = parts["test"], token.start + max(parts.start("test"), 0)
+        if test is not None and words.meaning(test)[:2] == _BELIEF_BYTES:
+            number = list(_NUMBER.finditer(test))[-1]
+            spans.append((at + number.start(), at + number.end()))
+    return spans
 
 
 def _statements(text: str, words: Words, source: str) -> list[bytes] | None:
@@ -279,4 +296,5 @@ class _Parser:
         self.fail(token.start, f"{what} is expected here, not {found}{hint}")
 
 
-_ACT_BYTES = instruction(ACT)[:2]
+_ACT_BYTES, _BELIEF_BYTES = instruction(ACT)[:2], instruction(BELIEF)[:2]
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")

@@ -1,4 +1,4 @@
-"""Tuning the numbers in a policy: sweeps, and four ways uphill on a noisy return.
+"""Tuning the numbers in a policy: sweeps, and five ways uphill on a noisy return.
 
 What is tuned is a :class:`Tunable`; how, is a :class:`~harness.tuning.method.Method`; neither knows of the other. A
 method asks for points, an :class:`~harness.tuning.objective.Objective` plays episodes there, and a
@@ -6,8 +6,9 @@ method asks for points, an :class:`~harness.tuning.objective.Objective` plays ep
 method again and answering from the journal.
 """
 
+from harness.tuning.constants import Constants
 from harness.tuning.run import Tuned, resume, tune
 from harness.tuning.sweeping import sweep
 from harness.tuning.tunable import Tunable, tunable
 
-__all__ = ["Tunable", "Tuned", "resume", "sweep", "tunable", "tune"]
+__all__ = ["Constants", "Tunable", "Tuned", "resume", "sweep", "tunable", "tune"]

@@ -1,21 +1,17 @@
-"""Pictures of sweeps and of runs, to be read on paper. No window is opened: figures are drawn by Agg."""
+"""Pictures of sweeps and of runs, to be read on paper."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from harness import files
+from harness.drawing import LINE, SECOND, blank, plain
 from harness.evaluation import Z95
 
-_LINE, _SECOND = "#1f4e79", "#a65000"
-_DPI = 200
 _NEAR = 0.15  # of the best return: what counts as near the top
 
 
@@ -25,12 +21,12 @@ def sweep_figure(table: pd.DataFrame, title: str = "") -> Figure:
     ``table`` is what :func:`harness.sweep` returns. Above, the whole range; below, what lies near the top, where the
     band can be seen. The highest point is named.
     """
-    figure = _figure(6.3, 5.4)
+    figure = blank(6.3, 5.4)
     whole, top = figure.subplots(2, 1, sharex=True)
     for axes in (whole, top):
         _sweep_line(axes, table)
         axes.set_ylabel("undiscounted return (reward)")
-        _plain(axes)
+        plain(axes)
     best = table.iloc[int(table["mean"].argmax())]
     name, half = str(table.columns[1]), Z95 * float(best["sem"])
     low = max(float((table["mean"] - Z95 * table["sem"]).min()), best["mean"] - _NEAR * abs(best["mean"]))
@@ -42,7 +38,7 @@ def sweep_figure(table: pd.DataFrame, title: str = "") -> Figure:
         textcoords="offset points",
         xytext=(0, 5),
         ha="right" if best[name] > table[name].mean() else "left",
-        color=_SECOND,
+        color=SECOND,
         fontsize=9,
     )
     top.set_xlabel(f"{name} (no unit)")
@@ -53,10 +49,10 @@ def sweep_figure(table: pd.DataFrame, title: str = "") -> Figure:
 
 def _sweep_line(axes: Axes, table: pd.DataFrame) -> None:
     x, mean, half = table.iloc[:, 1], table["mean"], Z95 * table["sem"]
-    axes.fill_between(x, mean - half, mean + half, color=_LINE, alpha=0.2, linewidth=0, label="95 % interval")
-    axes.plot(x, mean, color=_LINE, linewidth=1.4, label=f"mean of {int(table['episodes'].iloc[0]):,} episodes")
+    axes.fill_between(x, mean - half, mean + half, color=LINE, alpha=0.2, linewidth=0, label="95 % interval")
+    axes.plot(x, mean, color=LINE, linewidth=1.4, label=f"mean of {int(table['episodes'].iloc[0]):,} episodes")
     k = int(mean.argmax())
-    axes.plot([x.iloc[k]], [mean.iloc[k]], "o", color=_SECOND, markersize=5)
+    axes.plot([x.iloc[k]], [mean.iloc[k]], "o", color=SECOND, markersize=5)
     axes.margins(x=0.01)
 
 
@@ -65,10 +61,10 @@ def history_figure(history: pd.DataFrame, names: Sequence[str], measure: str) ->
 
     ``history`` is that of :class:`~harness.tuning.run.Tuned`; ``names`` are the numbers tuned.
     """
-    figure = _figure(6.3, 5.2)
+    figure = blank(6.3, 5.2)
     above, below = figure.subplots(2, 1, sharex=True)
     above.errorbar(
-        history["iteration"], history["value"], yerr=Z95 * history["sem"], fmt="o", color=_LINE, markersize=2.5,
+        history["iteration"], history["value"], yerr=Z95 * history["sem"], fmt="o", color=LINE, markersize=2.5,
         elinewidth=0.6, label="points played, 95 % interval",
     )  # fmt: skip
     best = float(history["value"].max())
@@ -87,27 +83,5 @@ def history_figure(history: pd.DataFrame, names: Sequence[str], measure: str) ->
     below.xaxis.set_major_locator(MaxNLocator(integer=True))
     below.legend(frameon=False, loc="best", fontsize=8)
     for axes in (above, below):
-        _plain(axes)
+        plain(axes)
     return figure
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG.
-
-    Raises:
-        HarnessError: the file cannot be written.
-    """
-    with files.replacing(path) as file:
-        figure.savefig(file, format="png", dpi=_DPI)
-
-
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height), layout="constrained")  # inches
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _plain(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis="y", color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import rng
+from harness import engine as engines
+from harness import population, rng
 from harness.domain import Domain
 from harness.errors import HarnessError, nearest
 from harness.evaluation import Evaluation, evaluate
+from harness.tuning.constants import Constants
 from harness.tuning.method import Ask
 from harness.tuning.tunable import Tunable, Vector
 
@@ -43,6 +46,8 @@ class Episodes:
 
     def __call__(self, ask: Ask) -> NDArray[np.float64]:
         """(n, episodes) returns by :attr:`measure`, as the domain's shaping pays them."""
+        if isinstance(self.subject, Constants) and self.measure == "return":
+            return self._together(self.subject, ask)
         first = (int(k) for k in ask.first)
         return np.stack(
             [
@@ -50,6 +55,17 @@ class Episodes:
                 for point, k in zip(ask.points, first, strict=True)
             ]
         )
+
+    def _together(self, subject: Constants, ask: Ask) -> NDArray[np.float64]:
+        """The same returns, by one compiled loop over all points that meet the same episodes."""
+        returns = np.empty((len(ask.points), ask.episodes))
+        engine, workers = engines.choose(self.engine, self.domain), self.workers or os.cpu_count() or 1
+        for first in np.unique(ask.first):
+            rows = np.flatnonzero(ask.first == first)
+            programs = [subject.at(ask.points[row]) for row in rows]
+            episodes = population.Episodes(rng.TRAINING + self.seed, int(first), ask.episodes, self.horizon)
+            returns[rows] = population.play(self.domain, programs, episodes, engine, workers).returns
+        return returns
 
     def play(self, theta: Vector, episodes: int, seed: int, first: int = 0) -> Evaluation:
         """The policy at one point."""

@@ -14,13 +14,15 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from harness import engine as engines
-from harness import registry, rng
+from harness import files, registry, rng
 from harness.domain import Domain
 from harness.errors import HarnessError, nearest
 from harness.evaluation import EPISODES, HORIZON, Score, mean_and_sem
 from harness.tuning import journal, objective
 from harness.tuning.ascent import ForwardDifference
 from harness.tuning.cmaes import CmaEs
+from harness.tuning.constants import DECIMALS, Constants
+from harness.tuning.lines import Lines
 from harness.tuning.method import Method, configure, settings_of
 from harness.tuning.objective import Episodes, Objective
 from harness.tuning.score import ScoreFunction
@@ -35,11 +37,9 @@ METHODS: dict[str, type[Any]] = {
     "spsa": Spsa,
     "score": ScoreFunction,
     "cmaes": CmaEs,
+    "lines": Lines,
 }
 """Ways uphill by name; their fields are their settings."""
-
-DECIMALS = 4
-"""Of the result's numbers: what is printed is what was scored."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Best:
     """Where a run ended."""
 
     theta: dict[str, float]
-    """By name, rounded to :data:`DECIMALS`."""
+    """By name, rounded to :data:`harness.tuning.constants.DECIMALS`: what is printed is what was scored."""
     policy: str
     """What names the policy: a policy string where there is one."""
     score: Score
@@ -96,15 +96,16 @@ def tune(
 
     Args:
         domain: a domain or its name. Its shaping counts while tuning, never in the final score.
-        policy: a policy string, whose numbers are the start (``belief:0.6``), or an object of the Tunable protocol.
-        method: ``gradient`` (the paper's), ``spsa``, ``score`` or ``cmaes``.
+        policy: a policy string, whose numbers are the start (``belief:0.6``, ``program:FILE``), a program's text, or an
+            object of the Tunable protocol.
+        method: ``gradient`` (the paper's), ``spsa``, ``score``, ``cmaes`` or ``lines``.
         measure: what to maximise, the undiscounted ``return`` within the horizon or the ``discounted`` one.
         seed: of the run. Its episodes lie far from those that people score with.
         horizon: steps after which an episode is truncated.
         final_episodes: fresh ones for the final score.
         engine: ``tables``, ``julia`` or ``auto``; the numbers do not depend on it.
         workers: threads of the tables engine; the numbers do not depend on it.
-        out: a folder for ``config.json``, ``history.csv`` and ``result.json``.
+        out: a folder for ``config.json``, ``history.csv`` and ``result.json``; of a program also ``best.txt``.
         resume: go on with the run in ``out``, which must have been started with these same arguments.
         progress: show a progress bar.
         settings: of the method (the fields of its class), such as ``epsilon`` or ``iterations``.
@@ -119,11 +120,11 @@ def tune(
     _check_counts(horizon=horizon, final_episodes=final_episodes)
     if resume and out is None:
         raise HarnessError("resume needs the folder of the run: out")
-    search = _method(method, subject, seed, settings)
+    search, start = _method(method, subject, seed, settings), subject.text(subject.start)
     parameters = {
         "domain": domain.name,
         "shaping": domain.shaping,
-        "policy": subject.text(subject.start),
+        "policy": start,
         "method": method,
         "measure": measure,
         "seed": seed,
@@ -136,7 +137,7 @@ def tune(
     kept = journal.Journal(subject.names, None if out is None else Path(out))
     kept.begin(config, resume)
     hide = None if progress else True  # None: show it on a terminal only
-    with tqdm(desc=f"{method} from {parameters['policy']}", unit=" iterations", leave=False, disable=hide) as bar:
+    with tqdm(desc=f"{method} from {brief(start)}", unit=" iterations", leave=False, disable=hide) as bar:
         played = Episodes(domain, subject, seed, horizon, measure, engine, workers)
 
         def show(theta: Vector, value: float) -> None:
@@ -145,8 +146,16 @@ def tune(
 
         stopped, last = climb(search, played, kept, show)
     best = _best(subject, search.theta, played, last, final_episodes)
+    if out is not None and isinstance(subject, Constants):
+        files.replace_text(Path(out) / "best.txt", best.policy)
     kept.finish({"stopped": stopped, "policy": best.policy, "theta": best.theta, **_scores(best)})
     return Tuned(method, config, kept.table(), best, stopped)
+
+
+def brief(policy: str) -> str:
+    """What names a policy, on one line: a program by its first statement."""
+    first, _, rest = policy.partition("\n")
+    return f"the program '{first} …'" if rest or "\n" in policy else policy
 
 
 def _method(name: str, subject: Tunable, seed: int, settings: Mapping[str, float]) -> Method:

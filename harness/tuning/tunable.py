@@ -6,14 +6,16 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness import policy as policies
 from harness.domain import Domain
 from harness.errors import HarnessError, PolicyError, nearest
 from harness.policy import Policy, thresholds
+from harness.policy.program import ProgramPolicy
+from harness.program import parse, words_of
+from harness.tuning.constants import Constants, Vector
 
-Vector = NDArray[np.float64]
+__all__ = ["Constants", "Heuristic", "Tunable", "Vector", "index_of", "tunable"]
 
 
 @runtime_checkable
@@ -79,6 +81,9 @@ _BOUNDS = {
 def tunable(spec: str | Tunable, domain: Domain) -> Tunable:
     """What a policy string makes tunable, from the numbers it gives (or the policy's defaults) as the start.
 
+    A program is named by its file (``program:FILE``), or given as its text, which has line ends: so a run's
+    ``config.json`` holds all that it came from.
+
     Raises:
         PolicyError: the string means nothing on this domain, a number is out of range, or nothing in it can be tuned.
     """
@@ -86,10 +91,15 @@ def tunable(spec: str | Tunable, domain: Domain) -> Tunable:
         if isinstance(spec, Tunable):
             return spec
         raise PolicyError(f"{type(spec).__name__} cannot be tuned: an object of the Tunable protocol is needed")
-    text, _ = policies.make(spec, domain)  # checks it and fills in the defaults
+    if "\n" in spec:
+        return Constants(parse(spec, words_of(domain)))
+    text, made = policies.make(spec, domain)  # checks it and fills in the defaults
     word, _, numbers = text.partition(":")
+    if isinstance(made, ProgramPolicy):
+        return Constants(made.program)
     if word not in _BOUNDS:
-        raise PolicyError(f"policy '{word}' has no numbers to tune (those that have: {', '.join(_BOUNDS)})")
+        known = ", ".join([*_BOUNDS, "program:FILE"])
+        raise PolicyError(f"policy '{word}' has no numbers to tune (those that have: {known})")
     if word == "thresholds":
         start = np.array(list((thresholds.DEFAULTS | thresholds.parse(numbers)).values()))
     else:
