@@ -116,7 +116,7 @@ class Speller:
 
     def sentences(self, rule: int) -> dict[str, Choices]:
         """Parts of numbers that a rule derives, and how: by trees of any depth, or of as many levels as give
-        :data:`_MOST` at most."""
+        10,000 at most."""
         if rule not in self._sentences:
             self._sentences[rule] = self._search(rule)
         return self._sentences[rule]

@@ -62,7 +62,7 @@ def parse(text: str, words: Words, *, loop: bool = False, source: str = "program
 def constant_spans(text: str, words: Words) -> list[tuple[int, int]]:
     """Where in a program's text the numbers stand that beliefs are compared with: (first character, one past the last).
 
-    They are those of :attr:`harness.program.Program.constants`, in the same order. ``text`` must be a program.
+    They are those of :attr:`harness.program.compiled.Program.constants`, in the same order. ``text`` must be a program.
     """
     spans = []
     for token in _Parser(text, words, "program").tokens:

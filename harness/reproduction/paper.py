@@ -35,7 +35,7 @@ class Table1Row(NamedTuple):
 
 
 def table_1() -> tuple[Table1Row, ...]:
-    """The two methods of Table 1, from :data:`harness.published.PUBLISHED`."""
+    """The two methods of Table 1, from ``harness.published.PUBLISHED``."""
     named = {entry.method: entry.value for entry in published.PUBLISHED[ROCKSAMPLE]}
     return Table1Row("Rollout", named["rollout"], "rollout:100"), Table1Row("SARSOP", named["sarsop"], "sarsop")
 

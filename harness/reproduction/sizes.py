@@ -32,6 +32,7 @@ class Sizes:
 
 
 FULL = Sizes()
+"""The paper's sizes, and ten runs of what it shows one of."""
 QUICK = Sizes(
     episodes=4_000,
     rollout_episodes=100,

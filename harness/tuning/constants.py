@@ -21,7 +21,7 @@ DECIMALS = 4
 class Constants:
     """Every number that a belief is compared with in a program, as c1, c2, … in the order of the text.
 
-    A Tunable (:class:`harness.tuning.Tunable`); bounds [0, 1], for beliefs are probabilities; the start is the
+    A Tunable (:class:`harness.tuning.tunable.Tunable`); bounds [0, 1], for beliefs are probabilities; the start is the
     program's own constants. d of them.
     """
 
@@ -45,7 +45,7 @@ class Constants:
             object.__setattr__(self, name, value)
 
     def at(self, theta: Vector) -> Program:
-        """The program with the constants ``theta`` (d,), rounded to :data:`DECIMALS`."""
+        """The program with the constants ``theta`` (d,), rounded to :data:`harness.tuning.constants.DECIMALS`."""
         return self.program.with_constants(np.round(theta, DECIMALS))
 
     def policy(self, theta: Vector) -> ProgramPolicy:
