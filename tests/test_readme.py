@@ -35,7 +35,7 @@ def test_the_python_examples_run():
     for block in blocks:
         exec(block, scope)
     assert scope["result"].policy == "belief:0.84"
-    assert scope["table"]["policy"].tolist() == ["belief:0.84", "sarsop"]
+    assert scope["table"]["policy"].tolist() == ["check then leave", "belief:0.84", "sarsop"]
     assert len(blocks) >= 2
 
 

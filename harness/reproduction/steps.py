@@ -83,7 +83,7 @@ def reproduce(
 
     Args:
         out: the folder. What is in it already is kept; steps whose results are there are skipped.
-        sizes: how much is played: :data:`~harness.reproduction.sizes.FULL` (the paper's sizes, ten runs of everything that it shows one of),
+        sizes: how much is played: :data:`~harness.reproduction.sizes.FULL`,
             :data:`~harness.reproduction.sizes.QUICK`, or others.
         engine: ``tables``, ``julia`` or ``auto``.
         workers: threads, or processes of many runs; they change no number.
