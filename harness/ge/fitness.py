@@ -35,7 +35,8 @@ class ProgramFitness:
         played = self.play(programs, generation * p.episodes, p.episodes)
         scores = np.full(len(compiled), -np.inf)
         scores[[program is not None for program in compiled]] = self.penalized(programs, played.returns)
-        return Evaluated(scores, len(np.unique(played.returns, axis=0)), int(played.steps.sum()))
+        behaviours = len({row.tobytes() for row in played.returns})  # np.unique turns Ctrl-C into a TypeError
+        return Evaluated(scores, behaviours, int(played.steps.sum()))
 
     def _compiled(self, text: str) -> Program | None:
         try:

@@ -3,6 +3,11 @@
 Individuals learn in the course of a run (:class:`Refiner`), or the best programs at its end (:func:`rivals`). What an
 individual has learnt it is judged by (Baldwin), or it passes it on as well (Lamarck): the constants are written back
 into its codons.
+
+What it is worth depends on what the constants decide. On rocksample-7x8 a reading is right with at least 0.87 from any
+cell, so that every constant from 0.13 to 0.87 decides alike after one reading, and selection sees to the rest: over ten
+seeds (150 generations; tournament 5, subtree operators) the difference to plain evolution at equal numbers of steps was
+−0.03 ± 0.02 with ``refine=5``, and with ``refine_every=10`` too −0.98 ± 0.57 (Lamarck) and −0.10 ± 0.78 (Baldwin).
 """
 
 from __future__ import annotations
