@@ -74,7 +74,7 @@ def reproduce(
     out: str | Path,
     sizes: Sizes = FULL,
     *,
-    engine: str = "auto",
+    engine: str = "tables",
     workers: int | None = None,
     progress: bool = False,
     tell: Callable[[str], object] = lambda line: None,
@@ -85,7 +85,7 @@ def reproduce(
         out: the folder. What is in it already is kept; steps whose results are there are skipped.
         sizes: how much is played: :data:`~harness.reproduction.sizes.FULL`,
             :data:`~harness.reproduction.sizes.QUICK`, or others.
-        engine: ``tables``, ``julia`` or ``auto``.
+        engine: ``tables``, ``julia`` or ``auto``; the results are the same.
         workers: threads, or processes of many runs; they change no number.
         progress: show progress bars on a terminal.
         tell: called with a line at the beginning of every step.
