@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -112,8 +113,8 @@ class Words:
             raise PolicyError(self._unknown("reading", text, self.labels))
         return float(self.labels[text])
 
-    def _unknown(self, what: str, word: str, known: object) -> str:
-        words = list(known)  # type: ignore[call-overload]
+    def _unknown(self, what: str, word: str, known: Iterable[str]) -> str:
+        words = list(known)
         shown = " ".join(words[:20]) + (" …" if len(words) > 20 else "")
         return f"{self.domain.name} knows no {what} '{word}'{nearest(word, words)} (known: {shown})"
 
