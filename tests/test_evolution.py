@@ -412,7 +412,8 @@ class TestShippedPrograms:
         record = json.loads(harness.registry.program_path(name, word).read_text())
         seed = rng.HELD_OUT + record["parameters"]["seed"]
         again = evaluate(name, word, episodes=record["score"]["episodes"], seed=seed, engine="tables")
-        assert again.score._asdict() == record["score"]
+        # to the last bit but one: releases of NumPy add the same numbers up in different orders
+        assert again.score._asdict() == pytest.approx(record["score"], rel=1e-12)
 
     @pytest.mark.parametrize(("name", "word"), KEPT)
     def test_their_grammars_can_derive_them(self, name, word):
