@@ -9,7 +9,6 @@ episodes in straightforward Python. One process, one run; every time is the best
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 
@@ -17,11 +16,12 @@ import numpy as np
 from tabulate import tabulate
 
 import harness
-from harness import registry, rng
+from harness import host, registry
+from harness.engine import rng
 from harness.ge import grammar as bnf
 from harness.ge.initialisation import GROW, tree
 from harness.ge.mapping import derive
-from harness.population import Episodes, play
+from harness.play.population import Episodes, play
 from harness.program import parse, words_of
 from tests import reference
 
@@ -93,7 +93,7 @@ def statements_of(text: str) -> list[tuple]:
 def main() -> None:
     domain = harness.load("rocksample-7x8")
     grammar = bnf.read(registry.grammar_path("rocksample"))
-    words, episodes, cores = words_of(domain), Episodes(0, 0, EPISODES, HORIZON), os.cpu_count() or 1
+    words, episodes, cores = words_of(domain), Episodes(0, 0, EPISODES, HORIZON), host.cores()
 
     def prepare(genotypes: list[np.ndarray]) -> list:
         return [parse(derive(grammar, g).phenotype or "", words) for g in genotypes]

@@ -35,7 +35,7 @@ nitpick_ignore_regex = [("py:class", r"(?!harness\.).*"), ("py:class", r"harness
 
 
 def _public_name(app, env, node, contnode):
-    """``harness.compare`` leads to where it is defined, ``harness.comparison.compare``."""
+    """``harness.compare`` leads to where it is defined, ``harness.score.comparison.compare``."""
     package, _, name = node.get("reftarget", "").rpartition(".")
     if package != "harness" or name not in harness.__all__:
         return None

@@ -16,20 +16,20 @@ from typing import TYPE_CHECKING, Any
 from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
 
 if TYPE_CHECKING:
-    from harness.batch import Batch
     from harness.bridge import from_model
-    from harness.check import ConformanceError, check_domain
-    from harness.comparison import compare
-    from harness.domain import Domain
-    from harness.evaluation import Evaluation, Score, evaluate
-    from harness.figures import compare_figure, draw_beliefs, draw_episode, draw_layout
+    from harness.engine.batch import Batch
     from harness.ge.runs import evolve, resume
+    from harness.model.domain import Domain
+    from harness.play.conformance import ConformanceError, check_domain
+    from harness.play.evaluation import Evaluation, Score, evaluate
     from harness.policy import Policy
     from harness.registry import load, names
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
     from harness.reproduction import reproduce
-    from harness.show import replay
+    from harness.score.comparison import compare
+    from harness.show.figures import compare_figure, draw_beliefs, draw_episode, draw_layout
+    from harness.show.replay import replay
     from harness.tuning import Tunable, sweep, tune
     from harness.tuning.figures import sweep_figure
 
@@ -68,26 +68,26 @@ __all__ = [
 ]
 
 _HOME = {
-    "Batch": "batch",
-    "ConformanceError": "check",
-    "Domain": "domain",
-    "Evaluation": "evaluation",
+    "Batch": "engine.batch",
+    "ConformanceError": "play.conformance",
+    "Domain": "model.domain",
+    "Evaluation": "play.evaluation",
     "Policy": "policy",
-    "Score": "evaluation",
+    "Score": "play.evaluation",
     "Tunable": "tuning",
-    "check_domain": "check",
+    "check_domain": "play.conformance",
     "check_scores": "regression.checking",
-    "compare": "comparison",
-    "compare_figure": "figures",
-    "draw_beliefs": "figures",
-    "draw_episode": "figures",
-    "draw_layout": "figures",
-    "evaluate": "evaluation",
+    "compare": "score.comparison",
+    "compare_figure": "show.figures",
+    "draw_beliefs": "show.figures",
+    "draw_episode": "show.figures",
+    "draw_layout": "show.figures",
+    "evaluate": "play.evaluation",
     "evolve": "ge.runs",
     "from_model": "bridge",
     "load": "registry",
     "names": "registry",
-    "replay": "show",
+    "replay": "show.replay",
     "reproduce": "reproduction",
     "resume": "ge.runs",
     "update_scores": "regression.checking",

@@ -27,9 +27,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import domain as domains
-from harness.domain import Domain
 from harness.errors import JuliaError
+from harness.model import domain as domains
+from harness.model.domain import Domain
 
 _EXE, _PROJECT = "PYTHON_JULIACALL_EXE", "PYTHON_JULIACALL_PROJECT"
 

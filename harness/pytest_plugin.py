@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from harness.domain import Domain
+    from harness.model.domain import Domain
     from harness.policy import Policy
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import functools
 from pathlib import Path
 
-from harness import bridge, domain
-from harness.domain import Domain
+from harness import bridge
 from harness.errors import HarnessError, nearest
+from harness.model import domain
+from harness.model.domain import Domain
 
 DATA = Path(__file__).resolve().parent / "data"
 

@@ -32,7 +32,7 @@ def hidden():
 @pytest.fixture(scope="session")
 def report_inputs(tmp_path_factory):
     """One of each kind that a report can be of, small: by name, the path."""
-    from harness import comparison
+    from harness.score import comparison
 
     folder = tmp_path_factory.mktemp("report-inputs")
     search = {

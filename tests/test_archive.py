@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import harness
-from harness import archive, domain, registry
-from harness.policy import alpha
+from harness import registry
+from harness.model import archive, domain
+from harness.solver import solution as solutions
 
 SOURCES = Path(__file__).parent.parent / "julia" / "src"
 
@@ -74,10 +75,10 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
 def test_a_policy_of_another_model_is_refused(rocksample, bordercross):
     path = registry.policy_path("rocksample-7x8", "qmdp")
     with pytest.raises(harness.SnapshotError, match=r"solved for another model \(rocksample-7x8 version 1"):
-        alpha.read(path, bordercross)
+        solutions.read(path, bordercross)
     arrays = {**rocksample.arrays, "outcome_reward": rocksample.arrays["outcome_reward"] + 1}
     with pytest.raises(harness.SnapshotError, match="solve it again"):
-        alpha.read(path, replace(rocksample, arrays=arrays))
+        solutions.read(path, replace(rocksample, arrays=arrays))
 
 
 @pytest.mark.parametrize("name", registry.names())

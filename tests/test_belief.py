@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.evaluation import simulate
+from harness.play.evaluation import simulate
 from harness.policy.simple import RandomPolicy
 from tests import reference
 

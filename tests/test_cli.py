@@ -119,7 +119,7 @@ def test_domains_and_policies_are_listed(capsys):
 
 
 def test_show_replays_the_episode_that_compare_scores(capsys, rocksample):
-    from harness.evaluation import evaluate
+    from harness.play.evaluation import evaluate
 
     returns = evaluate(rocksample, "belief:0.84", episodes=6, seed=4, engine="tables").returns
     for episode, value in enumerate(returns):

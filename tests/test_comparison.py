@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import harness
-from harness import comparison
+from harness.score import comparison
 
 REQUIRED = [
     *("domain", "policy", "engine", "episodes", "seed", "mean", "sem", "ci_low", "ci_high"),
@@ -64,7 +64,7 @@ def test_text_shows_every_policy_and_the_published_figures(table, style):
 
 def test_expensive_planners_get_fewer_episodes_unless_told(monkeypatch):
     monkeypatch.setattr("harness.policy.rollout.RolloutPolicy.max_episodes", 3)
-    monkeypatch.setattr("harness.comparison.EPISODES", 20)
+    monkeypatch.setattr("harness.score.comparison.EPISODES", 20)
     counts = harness.compare("rocksample-7x8", ["exit", "rollout:1"], engine="tables")["episodes"]
     assert counts.tolist() == [20, 3]
     counts = harness.compare("rocksample-7x8", ["rollout:1"], episodes=5, engine="tables")["episodes"]
@@ -98,6 +98,6 @@ def test_scores_are_never_shaped(bordercross):
 
 
 def test_nothing_runs_before_everything_is_checked(monkeypatch):
-    monkeypatch.setattr("harness.comparison.evaluate", lambda *a, **k: pytest.fail("ran"))
+    monkeypatch.setattr("harness.score.comparison.evaluate", lambda *a, **k: pytest.fail("ran"))
     with pytest.raises(harness.PolicyError):
         harness.compare("rocksample-7x8", ["exit", "no-such-policy"], engine="tables")

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harness
-from harness import rng
 from harness.cli import main
-from harness.evaluation import evaluate
+from harness.engine import rng
+from harness.play.evaluation import evaluate
 from harness.policy.program import ProgramPolicy
 from harness.program import constant_spans, parse, words_of
 from harness.tuning import Constants, objective, tunable

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness import rng
-from harness.evaluation import evaluate, simulate
+from harness.engine import rng
+from harness.play.evaluation import evaluate, simulate
 from harness.policy.simple import RandomPolicy
 from tests import reference
 
@@ -95,7 +95,7 @@ def test_stepping_past_the_end_changes_nothing(rocksample):
 
 def test_episodes_do_not_depend_on_batches_or_workers(rocksample, monkeypatch):
     whole = evaluate(rocksample, "belief:0.84", episodes=2000, seed=3, engine="tables", workers=1)
-    monkeypatch.setattr("harness.evaluation._BATCH", 171)
+    monkeypatch.setattr("harness.play.evaluation._BATCH", 171)
     split = evaluate(rocksample, "belief:0.84", episodes=2000, seed=3, engine="tables", workers=3)
     fewer = evaluate(rocksample, "belief:0.84", episodes=500, seed=3, engine="tables")
     assert np.array_equal(whole.returns, split.returns)

@@ -16,9 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harness
-from harness import rng
 from harness.cli import main
-from harness.evaluation import evaluate
+from harness.engine import rng
 from harness.ge import grammar as bnf
 from harness.ge import initialisation, loop, operators
 from harness.ge.fitness import ProgramFitness
@@ -27,6 +26,7 @@ from harness.ge.loop import Evaluated
 from harness.ge.mapping import derive
 from harness.ge.operators import CROSSOVERS, MUTATIONS, Parent
 from harness.ge.parameters import Parameters
+from harness.play.evaluation import evaluate
 from harness.policy.program import ProgramPolicy
 
 LISTS = bnf.parse("<code> ::= <line> | <code> <line>\n<line> ::= a | b | (<code>)\n")

@@ -16,11 +16,13 @@ import numpy as np
 import pytest
 
 import harness
-from harness import bridge, policy, registry, rng
-from harness.evaluation import evaluate, simulate
+from harness import bridge, policy, registry
+from harness.engine import rng
+from harness.play.evaluation import evaluate, simulate
+from harness.play.population import Episodes, play
 from harness.policy import alpha
-from harness.population import Episodes, play
 from harness.program import parse, words_of
+from harness.solver import solution as solutions
 
 if not bridge.is_set_up():
     pytest.skip("no Julia is set up for the harness (see `harness julia`)", allow_module_level=True)
@@ -194,12 +196,12 @@ class TestUsersOwnModel:
 
     def test_sarsop_reaches_the_published_value(self, tiger, tmp_path):
         """Tiger's optimal value at discount 0.95 is 19.37 (Cassandra's repository of examples)."""
-        from harness.solving import solve
+        from harness.solver.julia import solve
 
         solution = solve(tiger, "sarsop", {"timeout": 20})
         assert solution.record["lower"] == pytest.approx(19.37, abs=0.01)
-        alpha.save(tmp_path / "tiger.npz", tiger, solution)
-        made = alpha.AlphaVectorPolicy(tiger, alpha.read(tmp_path / "tiger.npz", tiger))
+        solutions.save(tmp_path / "tiger.npz", tiger, solution)
+        made = alpha.AlphaVectorPolicy(tiger, solutions.read(tmp_path / "tiger.npz", tiger))
         score = evaluate(tiger, made, episodes=4000, horizon=200, engine="tables").score
         assert abs(score.discounted_mean - 19.37) < 4 * score.discounted_sem
 
@@ -218,7 +220,7 @@ def test_errors_of_julia_are_one_sentence(tmp_path):
 
 @pytest.mark.parametrize("solver", ["qmdp", "native-sarsop"])
 def test_solvers_agree_with_the_stored_policies(solver, bordercross):
-    from harness.solving import solve
+    from harness.solver.julia import solve
 
     limits = {"timeout": 60.0} if solver == "native-sarsop" else {}
     assert solve(bordercross, solver, limits).record["initial_value"] == pytest.approx(500 * 0.95**11, abs=1e-3)
@@ -253,6 +255,6 @@ def test_ctrl_c_stops_sarsop_and_keeps_what_it_has(tmp_path, rocksample):
         out, err = process.communicate(timeout=60)
     assert process.returncode == 0, err
     assert "stopped early by Ctrl-C" in out
-    solution = alpha.read(path, rocksample)
+    solution = solutions.read(path, rocksample)
     assert solution.record["lower"] == pytest.approx(solution.record["initial_value"], abs=1e-3)
     assert solution.record["seconds"] < 60

@@ -7,9 +7,10 @@ import pytest
 
 import harness
 from harness import policy as policies
-from harness import rng
-from harness.evaluation import evaluate, simulate
+from harness.engine import rng
+from harness.play.evaluation import evaluate, simulate
 from harness.policy import alpha
+from harness.solver import solution as solutions
 from tests import reference
 
 HORIZON = 50
@@ -126,7 +127,7 @@ def test_rollout_does_not_depend_on_the_batch(rocksample, monkeypatch):
 
 def test_alpha_vectors_slowly(rocksample):
     """Grouped matrix products choose what the definition of an alpha-vector policy says, belief by belief."""
-    solution = alpha.read(harness.registry.policy_path("rocksample-7x8", "sarsop"), rocksample)
+    solution = solutions.read(harness.registry.policy_path("rocksample-7x8", "sarsop"), rocksample)
     made = alpha.AlphaVectorPolicy(rocksample, solution)
     visible, actions = solution.arrays["visible"], solution.arrays["actions"]
     values = solution.arrays["values"].astype(float)
@@ -152,7 +153,7 @@ def test_equal_alpha_vectors_go_to_the_first(bordercross):
         "actions": np.tile([3, 5], n).astype(np.int32),
         "values": np.tile(np.array([[1.0], [1.0 + 1e-12]]), (n, 1)),
     }
-    made = alpha.AlphaVectorPolicy(bordercross, alpha.Solution({}, arrays))
+    made = alpha.AlphaVectorPolicy(bordercross, solutions.Solution({}, arrays))
     record = next(simulate(bordercross, made, "tables", 0, 0, 5, 1))
     assert (made.act(record.batch) == 3).all()
 

@@ -8,10 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import harness
-from harness import rng
-from harness.evaluation import evaluate
+from harness.engine import rng
+from harness.play.evaluation import evaluate
+from harness.play.population import Episodes, play
 from harness.policy.program import ProgramPolicy
-from harness.population import Episodes, play
 from harness.program import ProgramError, parse, words_of
 from tests import reference
 

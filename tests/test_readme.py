@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import harness
-from harness import comparison
+from harness.score import comparison
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harness
-from harness import population, rng
 from harness.cli import main
+from harness.engine import rng
 from harness.ge import grammar as bnf
 from harness.ge import loop, search
 from harness.ge.defaults import grammar_for
@@ -28,7 +28,8 @@ from harness.ge.operators import Parent
 from harness.ge.parameters import Parameters
 from harness.ge.refinement import Refiner, rivals
 from harness.ge.spelling import Speller, nodes
-from harness.population import Episodes
+from harness.play import population
+from harness.play.population import Episodes
 from harness.program import constant_spans, parse, words_of
 from tests.test_evolution import LISTS, count, letters, results, same
 

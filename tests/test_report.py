@@ -14,12 +14,14 @@ import pandas as pd
 import pytest
 
 import harness
-from harness import comparison, domain, policy
+from harness import policy
 from harness.cli import main
-from harness.evaluation import evaluate, simulate
+from harness.model import domain
+from harness.play.evaluation import evaluate, simulate
 from harness.report import charts, inputs, page
 from harness.report.replays import Domains, Wanted, episode, replays
-from harness.show import replay
+from harness.score import comparison
+from harness.show.replay import replay
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>&\"\u2028"
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import harness
-from harness import show
+from harness.show import replay as show
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="no selenium: pip install -e '.[browser]'")
 

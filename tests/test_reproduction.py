@@ -17,9 +17,9 @@ import pytest
 from matplotlib.image import imread
 
 import harness
-from harness import rng
 from harness.cli import main
-from harness.evaluation import evaluate
+from harness.engine import rng
+from harness.play.evaluation import evaluate
 from harness.reproduction import FULL, QUICK, Sizes, reproduce, thresholds, wording
 from harness.reproduction.figures import best_stretch
 from harness.reproduction.steps import STEPS

@@ -19,7 +19,7 @@ import harness
 from harness import policy
 from harness.cli import main
 from harness.errors import HarnessError
-from harness.evaluation import evaluate
+from harness.play.evaluation import evaluate
 from harness.regression import checking, ci, judging, reports, scoring, stored
 from harness.regression.rows import Limits, Row
 from tests.test_cli import NO_JULIA, misuse

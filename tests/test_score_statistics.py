@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.evaluation import evaluate
+from harness.play.evaluation import evaluate
 from harness.regression import judging, statistics
 from harness.regression.rows import Limits, Row, StoredScore
 from harness.regression.scoring import Measurement

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import harness
-from harness import registry, rng
-from harness.evaluation import evaluate
-from harness.policy import alpha
+from harness import registry
+from harness.engine import rng
+from harness.play.evaluation import evaluate
+from harness.solver import solution as solutions
 from tests import reference
 
 
@@ -18,7 +19,7 @@ def sarsop(rocksample):
 
 
 def test_sarsop_reaches_its_lower_bound_and_the_published_value(rocksample, sarsop):
-    record = alpha.read(registry.policy_path("rocksample-7x8", "sarsop"), rocksample).record
+    record = solutions.read(registry.policy_path("rocksample-7x8", "sarsop"), rocksample).record
     assert record["timeout"] >= 600
     assert sarsop.discounted_mean >= 21.1
     # The lower bound holds for an infinite horizon; 50 steps lose at most a few hundredths.
@@ -29,10 +30,10 @@ def test_sarsop_reaches_its_lower_bound_and_the_published_value(rocksample, sars
 
 def test_the_bounds_are_in_order(rocksample):
     paths = {name: registry.policy_path("rocksample-7x8", name) for name in ("sarsop", "qmdp", "mdp")}
-    lower = alpha.read(paths["sarsop"], rocksample).record["lower"]
-    upper = alpha.read(paths["sarsop"], rocksample).record["upper"]
-    qmdp = alpha.read(paths["qmdp"], rocksample).record["initial_value"]
-    mdp = alpha.read(paths["mdp"], rocksample, alpha.BOUND_KIND).record
+    lower = solutions.read(paths["sarsop"], rocksample).record["lower"]
+    upper = solutions.read(paths["sarsop"], rocksample).record["upper"]
+    qmdp = solutions.read(paths["qmdp"], rocksample).record["initial_value"]
+    mdp = solutions.read(paths["mdp"], rocksample, solutions.BOUND_KIND).record
     assert lower <= upper <= qmdp + 1e-3
     assert qmdp <= mdp["discounted"] + 1e-4
     assert mdp["undiscounted"] == pytest.approx(50)  # every good rock (4 on average) and the exit
@@ -73,7 +74,7 @@ def test_qmdp_is_what_its_definition_says_and_gets_stuck(rocksample):
                 break
         assert total == result.returns[e]
         assert step == result.steps[e]
-    record = alpha.read(registry.policy_path("rocksample-7x8", "qmdp"), rocksample).record
+    record = solutions.read(registry.policy_path("rocksample-7x8", "qmdp"), rocksample).record
     start = max(lookahead(value, (1, 4), name).mean() for name in rocksample.actions)
     assert record["initial_value"] == pytest.approx(start, abs=1e-4)
     assert not result.returns.any()
@@ -115,7 +116,7 @@ def fully_observed_values():
 
 def test_sarsop_on_eleven_by_eleven_is_within_its_bounds():
     domain = harness.load("rocksample-11x11")
-    record = alpha.read(registry.policy_path(domain.name, "sarsop"), domain).record
+    record = solutions.read(registry.policy_path(domain.name, "sarsop"), domain).record
     score = evaluate(domain, "sarsop", episodes=4000, engine="tables").score
     # 50 steps are short for this grid: what is earned after them, seldom and at a discount below 0.08, is lost.
     assert record["lower"] - 3 * score.discounted_sem - 0.1 <= score.discounted_mean
@@ -132,8 +133,8 @@ def test_bordercross_is_solved_in_twelve_steps(bordercross, policy):
 
 
 def test_the_hidden_robot_costs_something_but_is_found(hidden):
-    record = alpha.read(registry.policy_path(hidden.name, "sarsop"), hidden).record
-    bound = alpha.read(registry.policy_path(hidden.name, "mdp"), hidden, alpha.BOUND_KIND).record
+    record = solutions.read(registry.policy_path(hidden.name, "sarsop"), hidden).record
+    bound = solutions.read(registry.policy_path(hidden.name, "mdp"), hidden, solutions.BOUND_KIND).record
     score = evaluate(hidden, "sarsop", episodes=5000, engine="tables").score
     # The solver does not know of the reading before the first step, which can only help.
     assert record["lower"] - 3 * score.discounted_sem <= score.discounted_mean

@@ -7,7 +7,7 @@ import pytest
 
 import harness
 from harness import policy as policies
-from harness.evaluation import evaluate
+from harness.play.evaluation import evaluate
 from harness.policy.thresholds import BOUNDS, DEFAULTS, parse
 from harness.tuning import tunable
 from tests import reference
@@ -37,7 +37,7 @@ def test_reading_on_the_spot_wins_every_good_rock(rocksample):
     """The return is then 10 for the exit and 10 for each good rock, which the initial configuration decides."""
     returns = evaluate(rocksample, SURE, episodes=1000, engine="tables").returns
     configurations = [
-        reference.RockSample(harness.rng.uniforms(0, harness.rng.ENGINE, 0, e, 1)[0]) for e in range(1000)
+        reference.RockSample(harness.engine.rng.uniforms(0, harness.engine.rng.ENGINE, 0, e, 1)[0]) for e in range(1000)
     ]
     assert returns.tolist() == [10 + 10 * sum(world.good) for world in configurations]
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import harness
-from harness import rng
 from harness.cli import main
-from harness.evaluation import evaluate
+from harness.engine import rng
+from harness.play.evaluation import evaluate
 from harness.tuning import journal, resume, run, tunable
 from harness.tuning.ascent import ForwardDifference
 from harness.tuning.method import configure

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.cli.arguments import domain_argument, positive, positive_number
+from harness.errors import HarnessError
 
 SOLVERS = ("qmdp", "sarsop", "native-sarsop", "mdp")
 
@@ -54,7 +55,8 @@ def _julia(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from harness import bridge, domain, registry
+    from harness import bridge, registry
+    from harness.model import domain
 
     for name in options.domain or bridge.instance_names():
         path = (options.out / f"{name}.npz") if options.out else registry.snapshot_path(name)
@@ -64,14 +66,20 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _solve(options: argparse.Namespace) -> None:
-    from harness import registry, solving
-    from harness.policy import alpha
+    from harness import registry
+    from harness.play.trimming import only_used
+    from harness.solver import julia
+    from harness.solver import solution as solutions
 
+    if options.keep_used and options.solver == "mdp":
+        raise HarnessError("mdp is a bound and has no alpha vectors to keep")
     domain = registry.load(options.domain)
     limits = {name: value for name in ("timeout", "precision") if (value := getattr(options, name)) is not None}
-    solution = solving.solve(domain, options.solver, limits, options.keep_used)
+    solution = julia.solve(domain, options.solver, limits)
+    if options.keep_used:
+        solution = only_used(domain, solution, options.keep_used)
     path = options.out or Path(f"{domain.name}.{options.solver}.npz")
-    alpha.save(path, domain, solution)
+    solutions.save(path, domain, solution)
     record, vectors = solution.record, len(solution.arrays.get("actions", []))
     found = ", ".join(f"{k} {v:.6g}" for k, v in record.items() if isinstance(v, float))
     print(f"{path}: {found}" + (f", {vectors} alpha vectors" if vectors else ""))

@@ -48,7 +48,7 @@ def register(commands: Any) -> None:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from harness import comparison
+    from harness.score import comparison
 
     def put(table: pd.DataFrame) -> None:
         text = comparison.render(table, options.format)
@@ -99,7 +99,7 @@ def _policies(options: argparse.Namespace) -> None:
 
 
 def _show(options: argparse.Namespace) -> None:
-    from harness.show import replay
+    from harness.show.replay import replay
 
     for block in replay(
         options.domain,
@@ -113,7 +113,7 @@ def _show(options: argparse.Namespace) -> None:
 
 
 def _check_domain(options: argparse.Namespace) -> int:
-    from harness.check import ConformanceError, check_domain
+    from harness.play.conformance import ConformanceError, check_domain
 
     try:
         check_domain(options.domain, options.engine)

@@ -112,7 +112,8 @@ def _rows(table: pd.DataFrame) -> str:
 
 
 def _keep_sweep(table: pd.DataFrame, options: argparse.Namespace) -> None:
-    from harness import drawing, files
+    from harness import files
+    from harness.show import drawing
     from harness.tuning import figures
 
     path = options.out / "sweep.csv"
@@ -138,7 +139,7 @@ def _tune(options: argparse.Namespace) -> None:
         raise
     print(_summary(result))
     if folder is not None:
-        from harness import drawing
+        from harness.show import drawing
 
         drawing.save(result.plot(), folder / "history.png")
         more = ", best.txt" if (folder / "best.txt").exists() else ""

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import bridge
-from harness.domain import Domain
 from harness.errors import HarnessError, nearest
+from harness.model.domain import Domain
 
 ENGINES = ("tables", "julia")
 """Names of the engines; ``auto`` stands for one of them."""
@@ -44,7 +44,7 @@ class Engine(Protocol):
     def step(self, actions: NDArray[np.int32], u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Apply one action an episode; rewards (E,). ``u``: (E,) in [0, 1), for next states and observations.
 
-        The action −1 (:data:`harness.tables.STOP`) leaves an episode as it is and pays 0.
+        The action −1 (:data:`harness.model.tables.STOP`) leaves an episode as it is and pays 0.
         """
 
 

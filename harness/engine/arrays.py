@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.domain import Domain
+from harness.model.domain import Domain
 
 
 class EngineArrays:

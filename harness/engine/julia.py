@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import bridge
-from harness.domain import Domain
 from harness.engine.arrays import EngineArrays
+from harness.model.domain import Domain
 
 
 class JuliaEngine(EngineArrays):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.domain import Domain
 from harness.engine.arrays import EngineArrays
-from harness.tables import (
+from harness.model.domain import Domain
+from harness.model.tables import (
     STOP,
     Tables,
     compiled,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from harness import registry
-from harness.domain import Domain
 from harness.errors import HarnessError, nearest
 from harness.ge import grammar as bnf
 from harness.ge.grammar import Grammar
+from harness.model.domain import Domain
 from harness.program import words_of
 
 

@@ -7,14 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import population, rng
-from harness.domain import Domain
+from harness.engine import rng
 from harness.ge.grammar import Grammar, GrammarError
 from harness.ge.initialisation import GROW, tree
 from harness.ge.loop import Evaluated
 from harness.ge.mapping import derive
 from harness.ge.parameters import Parameters
-from harness.population import Episodes
+from harness.model.domain import Domain
+from harness.play import population
+from harness.play.population import Episodes
 from harness.program import NestingError, Program, ProgramError, Words, parse, words_of
 
 

@@ -16,19 +16,18 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import datetime, timezone
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from harness import archive, files
+from harness import files, host
 from harness.errors import HarnessError
 from harness.ge.mapping import Codons
+from harness.model import archive
 
 CHECKPOINT = "checkpoint"
 _MEND = "delete it, and the run starts anew from its config.json"
@@ -153,16 +152,7 @@ def _number(text: str) -> float:
 def provenance() -> dict[str, Any]:
     """Versions, git revision of the harness's checkout (None in an installed package), and the date."""
     return {
-        "versions": {name: version(name) for name in ("pomdp-harness", "numpy", "numba")},
-        "git": _git("rev-parse", "HEAD"),
+        "versions": host.versions("numpy", "numba"),
+        "git": host.revision(),
         "date": datetime.now(timezone.utc).date().isoformat(),
     }
-
-
-def _git(*command: str) -> str | None:
-    here = Path(__file__).resolve().parent
-    try:
-        done: Sequence[str] = ("git", "-C", str(here), *command)
-        return subprocess.run(done, capture_output=True, text=True, check=True, timeout=5).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return None

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from harness.ge.grammar import Grammar, GrammarArrays
 from harness.ge.mapping import Codons
-from harness.splitmix import next_uniform
-from harness.tables import compiled
+from harness.model.splitmix import next_uniform
+from harness.model.tables import compiled
 
 GROW, FULL, POSITION_INDEPENDENT = range(3)
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import rng as streams
+from harness.engine import rng as streams
 from harness.ge.grammar import Grammar
 from harness.ge.initialisation import METHODS
 from harness.ge.mapping import Codons, derive

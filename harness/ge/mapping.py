@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.ge.grammar import Grammar, GrammarArrays
-from harness.tables import compiled
+from harness.model.tables import compiled
 
 Codons = NDArray[np.int32]
 

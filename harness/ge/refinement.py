@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import rng
+from harness.engine import rng
 from harness.ge.fitness import ProgramFitness
 from harness.ge.grammar import Grammar, GrammarError
 from harness.ge.initialisation import GROW, tree
@@ -27,7 +27,7 @@ from harness.ge.mapping import derive
 from harness.ge.operators import Parent
 from harness.ge.parameters import LAMARCKIAN
 from harness.ge.spelling import Place, Speller
-from harness.population import Episodes
+from harness.play.population import Episodes
 from harness.program import Program, Words, constant_spans, parse
 from harness.tuning.constants import Constants, Vector
 from harness.tuning.journal import Journal

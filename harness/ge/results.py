@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from harness.evaluation import Score
 from harness.ge.parameters import Parameters
+from harness.play.evaluation import Score
 from harness.policy.program import ProgramPolicy
 from harness.program import Program
 

@@ -13,13 +13,13 @@ from typing import Any
 import joblib
 from tqdm.auto import tqdm
 
-from harness import files
-from harness.domain import Domain
+from harness import files, host
 from harness.errors import HarnessError
 from harness.ge.folder import RunFolder
 from harness.ge.parameters import Parameters
 from harness.ge.results import Evolution, Evolutions
 from harness.ge.search import Setup, config_of, prepare, restore, run
+from harness.model.domain import Domain
 
 
 def evolve(
@@ -64,7 +64,7 @@ def evolve(
         folder = RunFolder(Path(out)) if out is not None else None
         if folder:
             folder.create(config_of(setup, name), setup.grammar.text)
-        return _one(setup._replace(workers=workers or _cores()), folder, progress)
+        return _one(setup._replace(workers=workers or host.cores()), folder, progress)
     with contextlib.ExitStack() as stack:
         parent = Path(out if out is not None else stack.enter_context(tempfile.TemporaryDirectory()))
         setups = [_with_seed(setup, setup.parameters.seed + k) for k in range(runs)]
@@ -99,7 +99,7 @@ def resume(
     folders = folders_of(parent)
     if not folders:
         folder = RunFolder(parent)
-        return _one(_restored(folder, workers or _cores(), generations), folder, progress)
+        return _one(_restored(folder, workers or host.cores(), generations), folder, progress)
     setups = [_restored(folder, 1, generations) for folder in folders]
     return _many(setups, folders, parent, workers, backend, progress)
 
@@ -142,10 +142,6 @@ def _check_runs(runs: int, workers: int | None) -> None:
         raise HarnessError(f"workers must be 1 or more, not {workers}")
 
 
-def _cores() -> int:
-    return os.cpu_count() or 1
-
-
 def _one(setup: Setup, folder: RunFolder | None, progress: bool) -> Evolution:
     with _bar(setup.parameters.generations + 1, progress) as bar:
 
@@ -168,7 +164,7 @@ def _many(
     """All runs, as many at a time as there are workers. What is on disk tells how far they are."""
     with _bar(sum(setup.parameters.generations + 1 for setup in setups), progress) as bar, _watching(folders, bar):
         tasks = (joblib.delayed(_in_worker)(*pair, os.getpid()) for pair in zip(setups, folders, strict=True))
-        result = Evolutions(joblib.Parallel(n_jobs=workers or _cores(), backend=backend)(tasks))
+        result = Evolutions(joblib.Parallel(n_jobs=workers or host.cores(), backend=backend)(tasks))
     files.replace_text(parent / "runs.csv", result.table.to_csv(index=False, lineterminator="\n"))
     files.replace_text(parent / "curve.csv", result.curve().to_csv(lineterminator="\n"))
     return result

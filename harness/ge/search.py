@@ -12,10 +12,9 @@ import numpy as np
 import pandas as pd
 
 from harness import engine as engines
-from harness import population, registry, rng
-from harness.domain import Domain
+from harness import registry
+from harness.engine import rng
 from harness.errors import HarnessError
-from harness.evaluation import evaluate, mean_and_sem
 from harness.ge import grammar as bnf
 from harness.ge import loop
 from harness.ge.defaults import grammar_for
@@ -24,6 +23,9 @@ from harness.ge.folder import RunFolder, State, provenance
 from harness.ge.grammar import Grammar
 from harness.ge.parameters import LAMARCKIAN, Parameters, from_record
 from harness.ge.results import Best, Evolution
+from harness.model.domain import Domain
+from harness.play import population
+from harness.play.evaluation import evaluate, mean_and_sem
 from harness.policy.program import ProgramPolicy
 from harness.program import words_of
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness import registry
-from harness.domain import Domain
 from harness.errors import PolicyError, nearest
-from harness.policy.alpha import AlphaVectorPolicy, read
+from harness.model.domain import Domain
+from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
 from harness.policy.program import ProgramPolicy, stored_program
@@ -18,6 +18,7 @@ from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
 from harness.policy.thresholds import ThresholdsPolicy
 from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
+from harness.solver.solution import read
 
 __all__ = ["Policy", "default_specs", "make", "named", "specs"]
 

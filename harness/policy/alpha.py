@@ -2,62 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import archive
-from harness.batch import Batch
-from harness.domain import Domain
-from harness.errors import SnapshotError
+from harness.engine.batch import Batch
+from harness.model.domain import Domain
 from harness.policy.base import Stateless
-
-KIND = "alpha-vectors"
-BOUND_KIND = "bound"
+from harness.solver.solution import Solution
 
 TIE = 1e-9
 """Values this close (relative to the larger of 1 and the best) count as equal, and the first vector wins: matrix
 products differ in their last bits between machines and batch sizes, and no decision may hang on that."""
-
-
-@dataclass(frozen=True)
-class Solution:
-    """A solved policy or bound as stored: what the solver said, and its alpha vectors (none for a bound)."""
-
-    record: Mapping[str, Any]
-    arrays: Mapping[str, NDArray[Any]]
-
-
-def save(path: Path, domain: Domain, solution: Solution) -> None:
-    """Store a solution together with the model it holds for."""
-    about = {
-        "domain": domain.name,
-        "domain_version": domain.version,
-        "model_hash": domain.model_hash,
-        "provenance": dict(domain.provenance),
-    }
-    kind = KIND if solution.arrays else BOUND_KIND
-    archive.write(path, kind, {**about, **solution.record}, solution.arrays)
-
-
-def read(path: Path, domain: Domain, kind: str = KIND) -> Solution:
-    """Read a stored solution.
-
-    Raises:
-        SnapshotError: the file is damaged, or was solved for another model.
-    """
-    record, arrays = archive.read(path, kind)
-    if record["model_hash"] != domain.model_hash:
-        raise SnapshotError(
-            f"{path}: solved for another model ({record['domain']} version {record['domain_version']}, hash "
-            f"{record['model_hash'][:12]}…), not for {domain.name} version {domain.version} as it is now "
-            f"({domain.model_hash[:12]}…); solve it again (harness solve)"
-        )
-    return Solution(record, arrays)
 
 
 class AlphaVectorPolicy(Stateless):

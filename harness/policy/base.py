@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.batch import Batch
+from harness.engine.batch import Batch
 
 
 @runtime_checkable
@@ -28,8 +28,8 @@ class Policy(Protocol):
     def act(self, batch: Batch) -> NDArray[Any]:
         """Action indices (E,), whole numbers; those of ended episodes are ignored.
 
-        −1 (:data:`harness.tables.STOP`) ends an episode's part in the evaluation where it stands: no more steps, no
-        more reward, no success. Whoever returns it must go on returning it for that episode.
+        −1 (:data:`harness.model.tables.STOP`) ends an episode's part in the evaluation where it stands: no more steps,
+        no more reward, no success. Whoever returns it must go on returning it for that episode.
         """
 
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.batch import Batch
-from harness.domain import Domain
-from harness.tables import compiled
+from harness.engine.batch import Batch
+from harness.model.domain import Domain
+from harness.model.tables import compiled
 
 ACCURACY_DEFAULT = 0.93
 BELIEF_DEFAULT = 0.84

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.batch import Batch
-from harness.domain import Domain
+from harness.engine.batch import Batch
 from harness.errors import PolicyError
+from harness.model.domain import Domain
+from harness.model.tables import STOP, Records, compiled
 from harness.program import Program, parse, words_of
 from harness.program.machine import next_action
-from harness.tables import STOP, Records, compiled
 
 _ENDED = -1  # instead of a place in the program
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.batch import Batch
-from harness.domain import Domain
+from harness.engine.batch import Batch
+from harness.model.domain import Domain
+from harness.model.splitmix import next_uniform
+from harness.model.tables import Records, Tables, compiled, draw_outcome, inlined, row_of
 from harness.policy.base import Stateless
-from harness.splitmix import next_uniform
-from harness.tables import Records, Tables, compiled, draw_outcome, inlined, row_of
 
 SIMULATIONS_DEFAULT = 100
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.batch import Batch
-from harness.domain import Domain
+from harness.engine.batch import Batch
+from harness.model.domain import Domain
 from harness.policy.base import Stateless, constant
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.batch import Batch
-from harness.domain import Domain
+from harness.engine.batch import Batch
 from harness.errors import PolicyError, nearest
+from harness.model.domain import Domain
+from harness.model.tables import compiled
 from harness.policy.base import Stateless
 from harness.policy.heuristic import RockMap, rock_map
-from harness.tables import compiled
 
 DEFAULTS = {"accept": 0.8, "reject": 0.3, "ahead": 0.97, "aside": 0.6, "wait": 0.9}
 """Tuned on rocksample-7x8 for the discounted return (``harness tune`` by ``cmaes``), rounded within its flat top."""

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.model.tables import Records
 from harness.program.printer import lines
 from harness.program.words import ACT, AGAIN, BELIEF, ELSE, IF, WHILE, Words
-from harness.tables import Records
 
 
 @dataclass(frozen=True, eq=False)

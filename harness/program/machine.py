@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.model.tables import STOP, Records, inlined
 from harness.program.words import (
     ACT,
     AGAIN,
@@ -20,7 +21,6 @@ from harness.program.words import (
     VISIBLE,
     WHILE,
 )
-from harness.tables import STOP, Records, inlined
 
 LIMIT = 1000
 """Instructions without an operation after which a program is stopped (SPEC section 4)."""

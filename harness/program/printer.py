@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from harness.model.tables import Records
 from harness.program.words import (
     ACT,
     AND,
@@ -19,7 +20,6 @@ from harness.program.words import (
     WHILE,
     Words,
 )
-from harness.tables import Records
 
 
 def lines(code: Records, words: Words) -> Iterator[str]:

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.domain import Domain
 from harness.errors import PolicyError, nearest
+from harness.model.domain import Domain
 
 ACT, IF, ELSE, WHILE, AGAIN, NOT, AND, OR, BELIEF, VISIBLE, READING, REGISTER = range(12)
 """Operations; :mod:`harness.program.machine` says what each does."""

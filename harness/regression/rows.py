@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from harness.errors import HarnessError, nearest
-from harness.evaluation import EPISODES, HORIZON
+from harness.play.evaluation import EPISODES, HORIZON
 from harness.regression import statistics
 
 FEWEST_EPISODES = 30

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import archive, registry
 from harness import engine as engines
 from harness import policy as policies
-from harness.domain import Domain
+from harness import registry
 from harness.errors import HarnessError
-from harness.evaluation import Evaluation, evaluate, mean_and_sem
+from harness.model import archive
+from harness.model.domain import Domain
+from harness.play.evaluation import Evaluation, evaluate, mean_and_sem
 from harness.policy import Policy
 from harness.regression.rows import Limits, Row, StoredScore
 from harness.regression.statistics import episodes_needed

@@ -10,7 +10,7 @@ from tabulate import tabulate
 from harness import engine as engines
 from harness import policy as policies
 from harness import registry
-from harness.domain import Domain
+from harness.model.domain import Domain
 from harness.policy import Policy
 from harness.regression import reports, scoring, stored
 from harness.regression.judging import Outcome, judge

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.evaluation import Z95
+from harness.play.evaluation import Z95
 from harness.report.markup import data, details, escape, number, plain_table
 
 RETURN = "undiscounted return (reward)"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pandas as pd
 
-from harness import comparison
 from harness.report.inputs import Table
 from harness.report.markup import caption_of, escape, note, scrolled
 from harness.report.replays import Wanted
+from harness.score import comparison
 
 _KEYS = {  # what a column is sorted by
     "policy": "policy",

@@ -9,14 +9,14 @@ from typing import Any
 
 import pandas as pd
 
-from harness.comparison import COLUMNS
 from harness.errors import HarnessError
-from harness.evaluation import Score
 from harness.ge import results
 from harness.ge.folder import RunFolder
 from harness.ge.parameters import from_record
 from harness.ge.runs import folders_of
+from harness.play.evaluation import Score
 from harness.report import records
+from harness.score.comparison import COLUMNS
 from harness.tuning import journal
 
 

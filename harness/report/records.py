@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from harness.errors import HarnessError
-from harness.evaluation import Score
+from harness.play.evaluation import Score
 
 EXPECTED = (
     "a comparison table (harness compare … --format csv or json, --out FILE), a folder of harness evolve, tune or "

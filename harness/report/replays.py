@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import policy as policies
-from harness import registry, show
-from harness.domain import Domain
+from harness import registry
 from harness.errors import HarnessError
+from harness.model.domain import Domain
 from harness.policy import Policy
 from harness.policy.program import ProgramPolicy
 from harness.program import parse, words_of
+from harness.show import replay as show
 
 ENGINE = "tables"
 """Both engines play the same episodes; this one needs no Julia."""

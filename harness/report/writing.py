@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from harness import files
-from harness.domain import Domain
 from harness.errors import HarnessError
+from harness.model.domain import Domain
 from harness.report import comparing, evolving, inputs, records, tuned
 from harness.report.inputs import Input, Sweep, Table, Tuning
 from harness.report.page import Section, page

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from harness import rng
-from harness.comparison import BOUND, compare
-from harness.evaluation import evaluate
+from harness.engine import rng
+from harness.play.evaluation import evaluate
 from harness.reproduction import figures, paper
 from harness.reproduction.folder import Folder
+from harness.score.comparison import BOUND, compare
 from harness.tuning import resume, sweep, tune
 
 TABLE, SWEEPS, ASCENTS, POINTS = "table1.csv", "sweeps.csv", "gradient.csv", "thresholds.csv"

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from harness.domain import Domain
-from harness.drawing import LINE, SECOND, THIRD, blank, plain
-from harness.evaluation import Z95
 from harness.ge.results import QUARTILES
+from harness.model.domain import Domain
+from harness.play.evaluation import Z95
 from harness.reproduction import paper
+from harness.show.drawing import LINE, SECOND, THIRD, blank, plain
 
 _RETURN = "undiscounted return (reward)"
 _STYLES = ((LINE, "-"), (SECOND, "--"), (THIRD, "-."))
@@ -55,8 +55,8 @@ def _marks(domain: Domain) -> dict[tuple[int, int], str]:
 
 def _starts(domain: Domain) -> list[tuple[int, int]]:
     """(row, column) of both robots in the one initial state."""
+    from harness.engine.rng import ENGINE, uniforms
     from harness.engine.tables import TablesEngine
-    from harness.rng import ENGINE, uniforms
 
     engine = TablesEngine(domain, 1, False)
     engine.reset(uniforms(0, ENGINE, 0, 0, 1))

@@ -11,10 +11,11 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness import drawing, files, registry
+from harness import files, registry
 from harness.errors import HarnessError
 from harness.reproduction import paper
 from harness.reproduction.sizes import Sizes
+from harness.show import drawing
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from harness import published
+from harness.score import published
 
 ROCKSAMPLE, BORDERCROSS = "rocksample-7x8", "bordercross-7x8"
 SHAPINGS = ("none", "paper", "potential")
@@ -35,7 +35,7 @@ class Table1Row(NamedTuple):
 
 
 def table_1() -> tuple[Table1Row, ...]:
-    """The two methods of Table 1, from ``harness.published.PUBLISHED``."""
+    """The two methods of Table 1, from ``harness.score.published.PUBLISHED``."""
     named = {entry.method: entry.value for entry in published.PUBLISHED[ROCKSAMPLE]}
     return Table1Row("Rollout", named["rollout"], "rollout:100"), Table1Row("SARSOP", named["sarsop"], "sarsop")
 

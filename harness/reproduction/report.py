@@ -6,13 +6,13 @@ from dataclasses import asdict
 from typing import Any
 
 from harness import registry
-from harness.comparison import BOUND
 from harness.ge.folder import provenance
 from harness.ge.parameters import Parameters
 from harness.reproduction import baselines, findings, paper
 from harness.reproduction.folder import Folder
 from harness.reproduction.sizes import FULL
 from harness.reproduction.wording import parts, plus_minus, prose, table, verdict
+from harness.score.comparison import BOUND
 from harness.tuning.ascent import ForwardDifference
 from harness.tuning.method import settings_of
 

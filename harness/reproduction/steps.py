@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 from harness import engine as engines
-from harness import files, registry
+from harness import files, host, registry
 from harness.errors import HarnessError
 from harness.reproduction import baselines, evolutions, figures, paper, report
 from harness.reproduction.folder import Folder
@@ -100,7 +99,7 @@ def reproduce(
     chosen = engines.choose(engine, registry.load(paper.ROCKSAMPLE))
     if workers is not None and workers < 1:
         raise HarnessError(f"workers must be 1 or more, not {workers}")
-    folder = Folder(Path(out), sizes, chosen, workers or os.cpu_count() or 1, progress)
+    folder = Folder(Path(out), sizes, chosen, workers or host.cores(), progress)
     folder.begin()
     for step in STEPS:
         done = folder.has(step.files)

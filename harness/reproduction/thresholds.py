@@ -8,13 +8,13 @@ from functools import lru_cache
 import numpy as np
 import pandas as pd
 
-from harness import rng
-from harness.evaluation import HORIZON, Score, evaluate
+from harness.engine import rng
 from harness.ge import grammar as bnf
 from harness.ge import loop
 from harness.ge.grammar import Grammar
 from harness.ge.loop import Evaluated
 from harness.ge.parameters import Parameters
+from harness.play.evaluation import HORIZON, Score, evaluate
 from harness.reproduction import paper
 from harness.reproduction.folder import Folder
 

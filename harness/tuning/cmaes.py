@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import cma
 import numpy as np
 
-from harness import rng
+from harness.engine import rng
 from harness.tuning.method import Ask, Move, setting
 from harness.tuning.tunable import Tunable, Vector
 

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from harness.drawing import LINE, SECOND, blank, plain
-from harness.evaluation import Z95
+from harness.play.evaluation import Z95
+from harness.show.drawing import LINE, SECOND, blank, plain
 
 _NEAR = 0.15  # of the best return: what counts as near the top
 

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness import archive, files
+from harness import files
 from harness.errors import HarnessError
+from harness.model import archive
 from harness.tuning.method import Ask, Move
 from harness.tuning.tunable import Vector
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import engine as engines
-from harness import population, rng
-from harness.domain import Domain
+from harness import host
+from harness.engine import rng
 from harness.errors import HarnessError, nearest
-from harness.evaluation import Evaluation, evaluate
+from harness.model.domain import Domain
+from harness.play import population
+from harness.play.evaluation import Evaluation, evaluate
 from harness.tuning.constants import Constants
 from harness.tuning.method import Ask
 from harness.tuning.tunable import Tunable, Vector
@@ -59,7 +60,7 @@ class Episodes:
     def _together(self, subject: Constants, ask: Ask) -> NDArray[np.float64]:
         """The same returns, by one compiled loop over all points that meet the same episodes."""
         returns = np.empty((len(ask.points), ask.episodes))
-        engine, workers = engines.choose(self.engine, self.domain), self.workers or os.cpu_count() or 1
+        engine, workers = engines.choose(self.engine, self.domain), self.workers or host.cores()
         for first in np.unique(ask.first):
             rows = np.flatnonzero(ask.first == first)
             programs = [subject.at(ask.points[row]) for row in rows]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +12,11 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from harness import engine as engines
-from harness import files, registry, rng
-from harness.domain import Domain
+from harness import files, host, registry
+from harness.engine import rng
 from harness.errors import HarnessError, nearest
-from harness.evaluation import EPISODES, HORIZON, Score, mean_and_sem
+from harness.model.domain import Domain
+from harness.play.evaluation import EPISODES, HORIZON, Score, mean_and_sem
 from harness.tuning import journal, objective
 from harness.tuning.ascent import ForwardDifference
 from harness.tuning.cmaes import CmaEs
@@ -133,7 +132,7 @@ def tune(
         **settings_of(search),
         "model_hash": domain.model_hash,
     }
-    config = {"run": parameters, "versions": _versions(), "engine": engine}
+    config = {"run": parameters, "versions": host.versions("numpy", "numba", "cma"), "engine": engine}
     kept = journal.Journal(subject.names, None if out is None else Path(out))
     kept.begin(config, resume)
     hide = None if progress else True  # None: show it on a terminal only
@@ -230,8 +229,3 @@ def _best(subject: Tunable, theta: Vector, played: Episodes, last: tuple[int, in
 
 def _scores(best: Best) -> dict[str, Any]:
     return {"training": best.training._asdict(), "fresh": best.score._asdict()}
-
-
-def _versions() -> dict[str, str]:
-    packages = ("pomdp-harness", "numpy", "numba", "cma")
-    return {"python": platform.python_version(), **{name: version(name) for name in packages}}

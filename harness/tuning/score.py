@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness import rng
+from harness.engine import rng
 from harness.tuning.ascent import Ascent
 from harness.tuning.method import Ask, Move, setting
 from harness.tuning.tunable import Vector

@@ -10,9 +10,9 @@ from tqdm.auto import tqdm
 
 from harness import engine as engines
 from harness import registry
-from harness.domain import Domain
 from harness.errors import HarnessError
-from harness.evaluation import EPISODES, HORIZON, Score, evaluate
+from harness.model.domain import Domain
+from harness.play.evaluation import EPISODES, HORIZON, Score, evaluate
 from harness.tuning.tunable import Tunable, index_of, tunable
 
 POINTS = 51

@@ -8,8 +8,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from harness import policy as policies
-from harness.domain import Domain
 from harness.errors import HarnessError, PolicyError, nearest
+from harness.model.domain import Domain
 from harness.policy import Policy, thresholds
 from harness.policy.program import ProgramPolicy
 from harness.program import parse, words_of

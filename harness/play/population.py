@@ -2,7 +2,7 @@
 
 The embedded engine plays every episode of a program from start to end in one compiled loop; the random numbers, the
 starts and the first beliefs are made once for all programs. The returns are those that
-:func:`harness.evaluation.evaluate` gives for the same episodes, bit for bit.
+:func:`harness.play.evaluation.evaluate` gives for the same episodes, bit for bit.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import rng
-from harness.domain import Domain
+from harness.engine import rng
 from harness.engine.tables import TablesEngine
-from harness.evaluation import simulate
+from harness.model.domain import Domain
+from harness.model.tables import STOP, Records, Tables, compiled, draw_outcome, draw_reading, row_of, update_belief
+from harness.play.evaluation import simulate
 from harness.policy.program import ProgramPolicy
 from harness.program import Program
 from harness.program.machine import next_action
-from harness.tables import STOP, Records, Tables, compiled, draw_outcome, draw_reading, row_of, update_belief
 
 
 class Episodes(NamedTuple):

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from harness import engine as engines
 from harness import policy as policies
 from harness import registry
-from harness.batch import Batch
-from harness.domain import Domain
+from harness.engine.batch import Batch
 from harness.errors import HarnessError
-from harness.evaluation import HORIZON, Z95, simulate
+from harness.model.domain import Domain
+from harness.play.evaluation import HORIZON, Z95, simulate
 from harness.policy import Policy
 
 _ROBOTS = ("#1f4e79", "#a65000")

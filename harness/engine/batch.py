@@ -8,9 +8,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import rng
-from harness.domain import Domain
-from harness.tables import Tables, compiled, is_legal
+from harness.engine import rng
+from harness.model.domain import Domain
+from harness.model.tables import Tables, compiled, is_legal
 
 _T = TypeVar("_T", bound=np.generic)
 

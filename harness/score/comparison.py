@@ -12,10 +12,12 @@ from tqdm.auto import tqdm
 
 from harness import engine as engines
 from harness import policy as specs
-from harness import published, registry
-from harness.domain import Domain
-from harness.evaluation import EPISODES, HORIZON, Evaluation, Score, evaluate
-from harness.policy import Policy, alpha
+from harness import registry
+from harness.model.domain import Domain
+from harness.play.evaluation import EPISODES, HORIZON, Evaluation, Score, evaluate
+from harness.policy import Policy
+from harness.score import published
+from harness.solver import solution
 
 COLUMNS = (
     "domain",
@@ -133,7 +135,7 @@ def _reference(domain: str, policy: str) -> dict[str, Any] | None:
 
 
 def _bound_row(domain: Domain, horizon: int) -> dict[str, Any]:
-    record = alpha.read(registry.policy_path(domain.name, BOUND), domain, alpha.BOUND_KIND).record
+    record = solution.read(registry.policy_path(domain.name, BOUND), domain, solution.BOUND_KIND).record
     within = record["undiscounted"] if record["horizon"] == horizon else None
     return {
         "domain": domain.name,

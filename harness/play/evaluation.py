@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import itertools
-import os
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -15,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import engine as engines
+from harness import host, registry
 from harness import policy as policies
-from harness import registry, rng
-from harness.batch import Batch, read_only
-from harness.domain import Domain
-from harness.engine import Engine
+from harness.engine import Engine, rng
+from harness.engine.batch import Batch, read_only
 from harness.errors import HarnessError, PolicyError
+from harness.model.domain import Domain
+from harness.model.tables import STOP, compiled
 from harness.policy import Policy
-from harness.tables import STOP, compiled
 
 HORIZON = 50
 """Steps after which an episode is truncated (paper, Table 2)."""
@@ -199,7 +198,7 @@ def evaluate(
         raise HarnessError(f"seed must be a whole number from 0 to 2**64 - 1, not {seed}")
     engine = engines.choose(engine, domain)
     spec, made = policies.named(policy, domain)
-    threads = 1 if engine == "julia" else workers or os.cpu_count() or 1
+    threads = 1 if engine == "julia" else workers or host.cores()
     largest = getattr(made, "batch_size", _JULIA_BATCH if engine == "julia" else _BATCH)
     size = min(largest, -(-episodes // threads))
     chunks = [(first + done, min(size, episodes - done)) for done in range(0, episodes, size)]

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from harness import engine as engines
 from harness import registry
-from harness.batch import Batch
-from harness.domain import Domain
+from harness.engine.batch import Batch
 from harness.errors import HarnessError
-from harness.evaluation import HORIZON, simulate
+from harness.model.domain import Domain
+from harness.play.evaluation import HORIZON, simulate
 from harness.policy.simple import RandomPolicy
 
 _TOLERANCE = 1e-9

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.tables import inlined
+from harness.model.tables import inlined
 
 
 @inlined

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import archive
 from harness.errors import HarnessError, SnapshotError, nearest
-from harness.tables import Tables, from_arrays
+from harness.model import archive
+from harness.model.tables import Tables, from_arrays
 
 KIND = "domain"
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 from harness import engine as engines
 from harness import policy as policies
 from harness import registry
-from harness.batch import Batch
-from harness.domain import Domain
-from harness.evaluation import HORIZON, simulate
+from harness.engine.batch import Batch
+from harness.model.domain import Domain
+from harness.play.evaluation import HORIZON, simulate
 from harness.policy import Policy
 
 MANY_FEATURES = 15

@@ -1,0 +1,1 @@
+"""Playing episodes: returns of one policy, of many programs at once, and the checks of domains."""

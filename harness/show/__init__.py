@@ -1,0 +1,1 @@
+"""Looking at episodes: replays as text, and figures."""
