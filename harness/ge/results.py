@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from harness import cards
 from harness.ge.parameters import Parameters
 from harness.play.evaluation import Score
 from harness.policy.program import ProgramPolicy
@@ -59,6 +60,23 @@ class Evolution:
         """Learning curve: what selection saw of the best, and its score on fresh episodes."""
         return _plot([self], axes)
 
+    def _facts(self) -> dict[str, object]:
+        score = self.best.score
+        return {
+            "seed": self.parameters.seed,
+            "generations": len(self.history) - 1,
+            "return": cards.plus_minus(score.mean, score.sem),
+            "discounted": cards.plus_minus(score.discounted_mean, score.discounted_sem),
+            "statements": self.best.program.length,
+        }
+
+    def __repr__(self) -> str:
+        """The best program's score and length, on one line."""
+        return cards.line("Evolution", f"on {self.domain}", self._facts())
+
+    def _repr_html_(self) -> str:
+        return cards.card("Evolution", f"on {self.domain}", self._facts(), self.best.text)
+
 
 @dataclass(frozen=True)
 class Evolutions:
@@ -104,6 +122,22 @@ class Evolutions:
     def plot(self, axes: Axes | None = None) -> Axes:
         """Median and quartiles over the runs of the best's score on fresh episodes."""
         return _plot(self.runs, axes)
+
+    def _facts(self) -> dict[str, object]:
+        low, middle, high = np.quantile([run.best.score.mean for run in self.runs], QUARTILES)
+        score = self.best.score
+        return {
+            "runs": len(self.runs),
+            "median return": f"{middle:.2f} (quartiles {low:.2f} to {high:.2f})",
+            "return of the best": cards.plus_minus(score.mean, score.sem),
+        }
+
+    def __repr__(self) -> str:
+        """How well the runs did, on one line."""
+        return cards.line("Evolutions", f"on {self.runs[0].domain}", self._facts())
+
+    def _repr_html_(self) -> str:
+        return cards.card("Evolutions", f"on {self.runs[0].domain}", self._facts(), self.best.text)
 
 
 def quartiles(history: pd.DataFrame, column: str) -> pd.DataFrame:
