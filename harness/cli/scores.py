@@ -55,6 +55,11 @@ def _compare(options: argparse.Namespace) -> None:
     from harness.score import comparison
     from harness.score.rendering import render
 
+    if options.figure is not None:
+        from harness.show import drawing, figures
+
+        drawing.check_ending(options.figure)
+
     def put(table: pd.DataFrame) -> None:
         text = render(table, options.format)
         if options.out is None:
@@ -79,8 +84,6 @@ def _compare(options: argparse.Namespace) -> None:
         raise
     put(table)
     if options.figure is not None:
-        from harness.show import drawing, figures
-
         drawing.save(figures.compare_figure(table), options.figure)
 
 
