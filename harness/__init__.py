@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
     from harness.reproduction import reproduce
+    from harness.score.aggregation import aggregate
     from harness.score.comparison import compare
+    from harness.score.rendering import render
     from harness.show.figures import compare_figure, draw_beliefs, draw_episode, draw_layout
     from harness.show.replay import replay
     from harness.tuning import Tunable, sweep, tune
@@ -45,6 +47,7 @@ __all__ = [
     "Score",
     "SnapshotError",
     "Tunable",
+    "aggregate",
     "check_domain",
     "check_scores",
     "compare",
@@ -57,6 +60,7 @@ __all__ = [
     "from_model",
     "load",
     "names",
+    "render",
     "replay",
     "reproduce",
     "resume",
@@ -75,6 +79,7 @@ _HOME = {
     "Policy": "policy",
     "Score": "play.evaluation",
     "Tunable": "tuning",
+    "aggregate": "score.aggregation",
     "check_domain": "play.conformance",
     "check_scores": "regression.checking",
     "compare": "score.comparison",
@@ -87,6 +92,7 @@ _HOME = {
     "from_model": "bridge",
     "load": "registry",
     "names": "registry",
+    "render": "score.rendering",
     "replay": "show.replay",
     "reproduce": "reproduction",
     "resume": "ge.runs",

@@ -17,6 +17,9 @@ up), and the variation of an evolutionary search."""
 TUNER = 1 << 31
 """Stream of the tuning methods' own draws (perturbations, candidates)."""
 
+RESAMPLING = TUNER + 1
+"""Stream of the draws behind bootstrap intervals."""
+
 TRAINING = 1 << 62
 """Added to the seed of everything that learns, so that it never meets an episode that people score with."""
 

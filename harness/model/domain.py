@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import cards
 from harness.errors import HarnessError, SnapshotError, nearest
 from harness.model import archive
 from harness.model.tables import Tables, from_arrays
@@ -167,6 +168,24 @@ class Domain:
                 f"(known: {', '.join(self.shapings)})"
             )
         return replace(self, shaping=shaping)
+
+    def _facts(self) -> dict[str, object]:
+        shaping = {} if self.shaping == "none" else {"shaping": self.shaping}
+        return {
+            "version": self.version,
+            "states": f"{self.n_states:,}",
+            "actions": self.n_actions,
+            "observations": self.n_observations,
+            "discount": self.discount,
+            **shaping,
+        }
+
+    def __repr__(self) -> str:
+        """Name and sizes, on one line."""
+        return cards.line("Domain", self.name, self._facts())
+
+    def _repr_html_(self) -> str:
+        return cards.card("Domain", self.name, {"title": self.title, **self._facts()})
 
 
 def from_export(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], live: Any = None) -> Domain:

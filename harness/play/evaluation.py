@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import cards, host, registry
 from harness import engine as engines
-from harness import host, registry
 from harness import policy as policies
 from harness.engine import Engine, rng
 from harness.engine.batch import Batch, read_only
@@ -88,6 +88,26 @@ class Evaluation:
             float(self.steps.mean()),
             float(self.terminated.mean()),
         )
+
+    def __repr__(self) -> str:
+        """The score and what it is of, on one line."""
+        return cards.line("Evaluation", f"{self.policy} on {self.domain.name}", _facts(self))
+
+    def _repr_html_(self) -> str:
+        return cards.card("Evaluation", f"{self.policy} on {self.domain.name}", _facts(self))
+
+
+def _facts(result: Evaluation) -> dict[str, object]:
+    score = result.score
+    return {
+        "return": cards.plus_minus(score.mean, score.sem),
+        "discounted": cards.plus_minus(score.discounted_mean, score.discounted_sem),
+        "success": f"{score.success_rate:.1%}",
+        "episodes": f"{score.episodes:,}",
+        "seed": result.seed,
+        "horizon": result.horizon,
+        "engine": result.engine,
+    }
 
 
 def mean_and_sem(values: NDArray[np.float64]) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from harness.ge.parameters import from_record
 from harness.ge.runs import folders_of
 from harness.play.evaluation import Score
 from harness.report import records
-from harness.score.comparison import COLUMNS
+from harness.score.table import COLUMNS, DIFFERENCES
 from harness.tuning import journal
 
 
@@ -100,8 +100,9 @@ def read(path: Path) -> list[Input]:
 def _comparisons(frame: pd.DataFrame, path: Path) -> list[pd.DataFrame]:
     for name in ("domain", "policy", "kind"):
         records.check_texts(frame[name], path, name)
+    compared = [name for name in DIFFERENCES[1:] if name in frame]
     frame = records.numeric(
-        frame, path, ["episodes", "seed", *Score._fields[1:]], complete=["domain_version", "horizon"]
+        frame, path, ["episodes", "seed", *Score._fields[1:], *compared], complete=["domain_version", "horizon"]
     )
     records.numeric(
         frame[frame["kind"] == "policy"], path, [], complete=["episodes", "seed", "mean", "discounted_mean"]

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from tqdm.auto import tqdm
 
+from harness import cards, files, host, registry
 from harness import engine as engines
-from harness import files, host, registry
 from harness.engine import rng
 from harness.errors import HarnessError, nearest
 from harness.model.domain import Domain
@@ -73,6 +73,24 @@ class Tuned:
         from harness.tuning.figures import history_figure
 
         return history_figure(self.history, list(self.best.theta), self.config["run"]["measure"])
+
+    def _facts(self) -> dict[str, object]:
+        score = self.best.score
+        return {
+            "return": cards.plus_minus(score.mean, score.sem),
+            "discounted": cards.plus_minus(score.discounted_mean, score.discounted_sem),
+            "points played": len(self.history),
+            "stopped": self.stopped,
+        }
+
+    def __repr__(self) -> str:
+        """What came out and why it stopped, on one line."""
+        return cards.line("Tuned", f"{brief(self.best.policy)} by {self.method}", self._facts())
+
+    def _repr_html_(self) -> str:
+        policy = self.best.policy
+        text = policy if "\n" in policy else ""
+        return cards.card("Tuned", f"{brief(policy)} by {self.method}", self._facts(), text)
 
 
 def tune(
