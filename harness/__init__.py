@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from harness.engine.batch import Batch
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
-    from harness.play.conformance import ConformanceError, check_domain
+    from harness.play.conformance import ConformanceError, check_domain, check_policy
     from harness.play.evaluation import Evaluation, Score, evaluate
     from harness.policy import Policy
     from harness.registry import load, names
@@ -46,6 +46,7 @@ __all__ = [
     "SnapshotError",
     "Tunable",
     "check_domain",
+    "check_policy",
     "check_scores",
     "compare",
     "compare_figure",
@@ -76,6 +77,7 @@ _HOME = {
     "Score": "play.evaluation",
     "Tunable": "tuning",
     "check_domain": "play.conformance",
+    "check_policy": "play.conformance",
     "check_scores": "regression.checking",
     "compare": "score.comparison",
     "compare_figure": "show.figures",
