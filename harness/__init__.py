@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from harness.engine.batch import Batch
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
-    from harness.play.conformance import ConformanceError, check_domain
+    from harness.play.conformance import ConformanceError, check_domain, check_policy
     from harness.play.evaluation import Evaluation, Score, evaluate
     from harness.policy import Policy
     from harness.registry import load, names
@@ -49,6 +49,7 @@ __all__ = [
     "Tunable",
     "aggregate",
     "check_domain",
+    "check_policy",
     "check_scores",
     "compare",
     "compare_figure",
@@ -81,6 +82,7 @@ _HOME = {
     "Tunable": "tuning",
     "aggregate": "score.aggregation",
     "check_domain": "play.conformance",
+    "check_policy": "play.conformance",
     "check_scores": "regression.checking",
     "compare": "score.comparison",
     "compare_figure": "show.figures",

@@ -1,4 +1,4 @@
-"""``compare``, ``domains``, ``policies``, ``show``, ``check-domain``."""
+"""``compare``, ``domains``, ``policies``, ``show``, ``check-domain``, ``check-policy``."""
 
 from __future__ import annotations
 
@@ -49,6 +49,12 @@ def register(commands: Any) -> None:
     domain_argument(check)
     check.add_argument("--engine", default="auto", help="auto, tables or julia (default auto)")
     check.set_defaults(run=_check_domain)
+
+    check = commands.add_parser("check-policy", help="check that a policy acts alike in every batch and thread")
+    domain_argument(check)
+    check.add_argument("policy", metavar="POLICY", help="a policy, such as belief:0.84")
+    check.add_argument("--episodes", type=positive, default=1000, metavar="N", help="default 1000")
+    check.set_defaults(run=_check_policy)
 
 
 def _compare(options: argparse.Namespace) -> None:
@@ -134,4 +140,16 @@ def _check_domain(options: argparse.Namespace) -> int:
         print(error)
         return 1
     print(f"{options.domain}: all checks passed")
+    return 0
+
+
+def _check_policy(options: argparse.Namespace) -> int:
+    from harness.play.conformance import ConformanceError, check_policy
+
+    try:
+        check_policy(options.policy, options.domain, options.episodes)
+    except ConformanceError as error:
+        print(error)
+        return 1
+    print(f"{options.policy} on {options.domain}: all checks passed")
     return 0

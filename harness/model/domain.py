@@ -85,6 +85,10 @@ class Domain:
     live: Any = field(default=None, repr=False)
     """The Julia model, for a domain made from live Julia; None for a named instance."""
 
+    def __deepcopy__(self, memo: object) -> Domain:
+        """Itself: a domain never changes, so copies of what holds it (a policy) share it."""
+        return self
+
     @property
     def n_actions(self) -> int:
         """Number A of actions."""

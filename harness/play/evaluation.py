@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -22,6 +21,7 @@ from harness.errors import HarnessError, PolicyError
 from harness.model.domain import Domain
 from harness.model.tables import STOP, compiled
 from harness.policy import Policy
+from harness.policy.base import can_be_copied, fresh
 
 HORIZON = 50
 """Steps after which an episode is truncated (paper, Table 2)."""
@@ -30,7 +30,9 @@ EPISODES = 10_000
 Z95 = 1.959963984540054
 """Standard normal quantile of a two-sided 95 % interval."""
 
-_BATCH = 32_768  # episodes a batch: threads meet at the interpreter lock once a step, so not too few
+# How many threads there are must not decide the batches: then no policy's score can depend on it.
+_BATCHES = 16
+_LEAST, _BATCH = 2_500, 32_768  # episodes a batch: a step costs some time whatever its size, and memory an episode
 _JULIA_BATCH = 131_072  # one call into Julia a step, its threads inside
 
 Progress = Callable[[int], object]
@@ -134,8 +136,10 @@ def simulate(
 ) -> Iterator[StepRecord]:
     """Step episodes ``first … first + count − 1`` together; yields the reset and then every step.
 
-    ``engine`` is ``tables`` or ``julia``. The arrays of a record are overwritten by the next step.
+    ``engine`` is ``tables`` or ``julia``. A fresh copy of the policy plays.
+    The arrays of a record are overwritten by the next step.
     """
+    policy = fresh(policy)
     stepper = engines.make(engine, domain, count, getattr(policy, "uses_belief", True))
     batch = _view(stepper, seed, first)
     stepper.reset(rng.uniforms(seed, rng.ENGINE, 0, first, count))
@@ -204,7 +208,8 @@ def evaluate(
         first: number of the first episode; the episodes are ``first … first + episodes − 1`` of the seed.
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.
-        workers: threads of the tables engine (default: one a core). The numbers do not depend on it.
+        workers: threads of the tables engine (default: one a core). The numbers do not depend on it. A policy that
+            cannot be copied plays in one, and a warning says so.
         progress: called with the number of episodes finished since the last call.
 
     Raises:
@@ -218,19 +223,24 @@ def evaluate(
         raise HarnessError(f"seed must be a whole number from 0 to 2**64 - 1, not {seed}")
     engine = engines.choose(engine, domain)
     spec, made = policies.named(policy, domain)
-    threads = 1 if engine == "julia" else workers or host.cores()
-    largest = getattr(made, "batch_size", _JULIA_BATCH if engine == "julia" else _BATCH)
-    size = min(largest, -(-episodes // threads))
+    threads = 1 if engine == "julia" or not can_be_copied(made) else workers or host.cores()
+    size = _batch_size(made, engine, episodes)
     chunks = [(first + done, min(size, episodes - done)) for done in range(0, episodes, size)]
     stop = threading.Event()
 
     def run(chunk: tuple[int, int]) -> _Totals:
-        records = simulate(domain, copy.copy(made), engine, seed, *chunk, horizon)
+        records = simulate(domain, made, engine, seed, *chunk, horizon)
         return _totals(itertools.takewhile(lambda _: not stop.is_set(), records), chunk[1], domain.discount)
 
     parts = _map(run, chunks, threads, progress or (lambda finished: None), stop)
     totals = _Totals(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return Evaluation(domain, spec, engine, seed, horizon, *totals)
+
+
+def _batch_size(policy: Policy, engine: str, episodes: int) -> int:
+    if engine == "julia":
+        return int(getattr(policy, "batch_size", _JULIA_BATCH))
+    return min(getattr(policy, "batch_size", _BATCH), max(_LEAST, -(-episodes // _BATCHES)))
 
 
 def _check_counts(**counts: int) -> None:

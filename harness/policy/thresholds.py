@@ -47,14 +47,14 @@ class ThresholdsPolicy(Stateless):
         """One action an episode."""
         actions = np.zeros(batch.size, dtype=np.int32)
         _act(
-            self._map,
+            self._map.of(batch.domain),
             self.thresholds["accept"],
             self.thresholds["reject"],
             self._needed,
             self._patience,
             batch.domain.feature_columns,
             batch.visible,
-            batch.marginals,
+            batch.tracked(),
             batch.done,
             actions,
         )

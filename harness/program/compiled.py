@@ -24,6 +24,10 @@ class Program:
     loop: bool
     """Whether it starts again at the top until the episode ends."""
 
+    def __deepcopy__(self, memo: object) -> Program:
+        """Itself: a program never changes, so copies of what holds it share it."""
+        return self
+
     @cached_property
     def text(self) -> str:
         """The program, one statement a line; parsing it gives this program again."""
