@@ -42,8 +42,12 @@ def run(copy, **environment):
     inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     done = subprocess.run(
         [sys.executable, "-W", "error", "user.py"],
-        cwd=copy, env={**inherited, "PYTHONPATH": str(copy), **environment}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=copy,
+        env={**inherited, "PYTHONPATH": str(copy), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     (folder, own), numbers = (line.split() for line in done.stdout.splitlines())
     assert own == "True"

@@ -16,9 +16,11 @@ import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numba
 
+_config: Any = numba.config
 PACKAGE = Path(__file__).resolve().parent.parent
 _KEPT = 4  # folders of earlier sources that stay, so that going back and forth between branches compiles nothing
 _MARKS = (b"\n@compiled\n", b"\n@inlined\n")
@@ -28,12 +30,12 @@ _IMPORTS = re.compile(rb"^(?:from|import) (harness(?:\.\w+)*)(?: import ([^(\n]+
 @contextlib.contextmanager
 def cache_folder() -> Iterator[bool]:
     """Functions that are declared in this block are kept in :func:`folder`; yields whether anything can be kept."""
-    before, chosen = numba.config.CACHE_DIR, folder()
-    numba.config.CACHE_DIR = "" if chosen is None else str(chosen)
+    before, chosen = _config.CACHE_DIR, folder()
+    _config.CACHE_DIR = "" if chosen is None else str(chosen)
     try:
         yield chosen is not None
     finally:
-        numba.config.CACHE_DIR = before
+        _config.CACHE_DIR = before
 
 
 @functools.cache
@@ -54,7 +56,7 @@ def folder() -> Path | None:
 
 
 def _bases() -> Iterator[Path]:
-    yield Path(numba.config.CACHE_DIR or PACKAGE / "__pycache__")
+    yield Path(_config.CACHE_DIR or PACKAGE / "__pycache__")
     with contextlib.suppress(RuntimeError):  # nobody's home is known
         yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pomdp-harness"
 

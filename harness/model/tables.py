@@ -33,7 +33,7 @@ def inlined(function: _F) -> _F:
     return _jitted(function, forceinline=True)
 
 
-def _jitted(function: _F, **options: bool) -> _F:
+def _jitted(function: _F, **options: Any) -> _F:
     with cache_folder() as cached:
         jitted: Any = numba.njit(nogil=True, cache=cached, **options)(function)
     return jitted
