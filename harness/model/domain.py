@@ -6,7 +6,8 @@ way it holds the same arrays, and no line of Python says how the domain behaves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from harness import cards
 from harness.errors import HarnessError, SnapshotError, nearest
-from harness.model import archive
+from harness.model import archive, validation
 from harness.model.tables import Tables, from_arrays
 
 KIND = "domain"
@@ -243,10 +244,15 @@ def read(path: Path) -> Domain:
     """Read a snapshot.
 
     Raises:
-        SnapshotError: the file is damaged or is no snapshot.
+        SnapshotError: the file is damaged or is no snapshot, or its arrays make no domain (the first fault is named).
     """
     record, arrays = archive.read(path, KIND)
-    try:
-        return from_export(record, arrays)
-    except KeyError as error:
-        raise SnapshotError(f"{path}: the snapshot lacks {error}; export it again") from None
+    _refuse(path, itertools.chain(validation.record_breaches(record), validation.type_breaches(arrays, ARRAYS)))
+    domain = from_export(record, arrays)
+    _refuse(path, validation.breaches(domain))
+    return domain
+
+
+def _refuse(path: Path, breaches: Iterator[str]) -> None:
+    for first in breaches:
+        raise SnapshotError(f"{path}: {first}; export it again")

@@ -126,11 +126,11 @@ def words_of(domain: Domain) -> Words:
         actions[_tight(name)] = i
         if name.isidentifier():
             actions[f"{name}()"] = i
-    checks = {m[1]: int(m[1]) for name in domain.actions if (m := _CHECK.fullmatch(_tight(name)))}
-    registers = {number: k for k, number in enumerate(checks)}
+    registers: dict[str, int] = {}
     register = np.full(domain.n_actions, -1, dtype=np.int16)
-    for number, k in registers.items():
-        register[actions[f"check({number})"]] = k
+    for i, name in enumerate(domain.actions):
+        if (check := _CHECK.fullmatch(_tight(name))) is not None:
+            register[i] = registers.setdefault(check[1], len(registers))
     return Words(
         domain,
         actions,
