@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.ge.initialisation import METHODS
 from harness.ge.operators import CROSSOVERS, MUTATIONS
 
@@ -79,7 +79,7 @@ def from_record(record: dict[str, Any]) -> Parameters:
     known = [f.name for f in fields(Parameters)]
     for name in record:
         if name not in known:
-            raise HarnessError(f"no parameter '{name}'{nearest(name, known)} (known: {', '.join(known)})")
+            raise HarnessError(f"no parameter {quoted(name)}{nearest(name, known)} (known: {', '.join(known)})")
     return Parameters(**record)
 
 
@@ -88,10 +88,10 @@ def _check(name: str, value: Any, default: Any, limits: Any) -> None:
     right = isinstance(value, (int, float)) if kind is float else isinstance(value, kind)
     if not right or (isinstance(value, bool) and kind is not bool):
         words = {int: "a whole number", float: "a number", str: "a word", bool: "true or false"}
-        raise HarnessError(f"{name} must be {words[kind]}, not {value!r}")
+        raise HarnessError(f"{name} must be {words[kind]}, not {quoted(value)}")
     if limits["choices"] and value not in limits["choices"]:
         choices = limits["choices"]
-        raise HarnessError(f"no {name} '{value}'{nearest(value, choices)} (known: {', '.join(choices)})")
+        raise HarnessError(f"no {name} {quoted(value)}{nearest(value, choices)} (known: {', '.join(choices)})")
     if limits["least"] is not None and not value >= limits["least"]:
         raise HarnessError(f"{name} must be {limits['least']} or more, not {value}")
     if limits["most"] is not None and not value <= limits["most"]:

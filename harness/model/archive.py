@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import files
-from harness.errors import SnapshotError
+from harness.errors import SnapshotError, quoted
 
 FORMAT = 1
 Arrays = dict[str, NDArray[Any]]
@@ -57,7 +57,7 @@ def read(path: Path, kind: str, mend: str = "export it again") -> tuple[dict[str
         ) from None
     if not isinstance(record, dict) or record.get("kind") != kind:
         found = record.get("kind") if isinstance(record, dict) else None
-        raise SnapshotError(f"{path}: this is a file of kind '{found}', a '{kind}' is needed here")
+        raise SnapshotError(f"{path}: this is a file of kind {quoted(found)}, a '{kind}' is needed here")
     if record.get("format") != FORMAT:
         raise SnapshotError(
             f"{path}: written in format {record.get('format')}, this harness reads format {FORMAT}; {mend}"

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, SnapshotError, nearest
+from harness.errors import HarnessError, SnapshotError, nearest, quoted
 from harness.model import archive
 from harness.model.tables import Tables, from_arrays
 
@@ -151,7 +151,8 @@ class Domain:
         """
         if name not in self.actions:
             raise HarnessError(
-                f"{self.name} has no action '{name}'{nearest(name, self.actions)} (actions: {' '.join(self.actions)})"
+                f"{self.name} has no action {quoted(name)}{nearest(name, self.actions)} "
+                f"(actions: {' '.join(self.actions)})"
             )
         return self.actions.index(name)
 
@@ -163,7 +164,7 @@ class Domain:
         """
         if shaping not in self.shapings:
             raise HarnessError(
-                f"{self.name} has no reward shaping '{shaping}'{nearest(shaping, self.shapings)} "
+                f"{self.name} has no reward shaping {quoted(shaping)}{nearest(shaping, self.shapings)} "
                 f"(known: {', '.join(self.shapings)})"
             )
         return replace(self, shaping=shaping)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from harness import engine as engines
 from harness import registry
 from harness.engine.batch import Batch
-from harness.errors import HarnessError
+from harness.errors import HarnessError, printable
 from harness.model.domain import Domain
 from harness.play.evaluation import HORIZON, simulate
 from harness.policy.simple import RandomPolicy
@@ -22,6 +22,10 @@ _TOLERANCE = 1e-9
 
 class ConformanceError(HarnessError):
     """A domain or an engine breaks the contract; the message lists every breach found."""
+
+    def __str__(self) -> str:
+        """All of the list, however long."""
+        return printable(self.args[0])
 
 
 def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500, seed: int = 0) -> None:
