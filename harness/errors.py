@@ -5,7 +5,6 @@ What a message echoes of the user's own text goes through :func:`quoted`; :func:
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Iterable
 
@@ -69,5 +68,7 @@ def printable(text: str) -> str:
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """End of an error message: ``; did you mean 'x'?`` where a known word is close, else nothing."""
+    import difflib  # here, where it is needed: commands that go well start without it
+
     close = difflib.get_close_matches(word[:LONGEST_QUOTE], list(known), n=1)
     return f"; did you mean '{close[0]}'?" if close else ""

@@ -6,9 +6,11 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from harness.errors import HarnessError, nearest, quoted
-from harness.ge.initialisation import METHODS
-from harness.ge.operators import CROSSOVERS, MUTATIONS
 
+# The words alone: the command line's parser needs them, and not the compiled code that they stand for.
+INITIALISATIONS = ("ramped", "pi-grow", "uniform")
+CROSSOVERS = ("one-point", "fixed-one-point", "subtree")
+MUTATIONS = ("per-codon", "per-genome", "subtree", "structural")
 REPLACEMENTS = ("generational", "steady-state")
 LAMARCKIAN, BALDWINIAN = INHERITANCES = ("lamarckian", "baldwinian")
 
@@ -32,7 +34,7 @@ class Parameters:
     loop: bool = _parameter(False, "programs start again at the top until the episode ends")
     penalty: float = _parameter(0.1, "fitness lost for every statement beyond --free-length", least=0)
     free_length: int = _parameter(50, "statements that cost nothing", least=0)
-    initialisation: str = _parameter("ramped", "of the first population", METHODS)
+    initialisation: str = _parameter("ramped", "of the first population", INITIALISATIONS)
     max_init_depth: int = _parameter(50, "levels of the first population's derivation trees", least=1)
     codon_size: int = _parameter(1000, "codons are whole numbers below this", least=2, most=2**31 - 1)
     tail: float = _parameter(0.5, "unused codons appended at first, as a share of the used ones", least=0)
