@@ -36,9 +36,15 @@ class JuliaError(HarnessError):
 
 
 def quoted(value: object) -> str:
-    """The user's own text or value as a message quotes it: short, printable, on one line; a text in quotation marks."""
-    if isinstance(value, (str, os.PathLike)):
-        return f"'{_short(os.fspath(value))}'"
+    """The user's own text or value as a message quotes it: short, printable, on one line; a text in quotation marks.
+
+    Of a long text the beginning is kept, of a long path (a :class:`~pathlib.Path`) the end.
+    """
+    if isinstance(value, os.PathLike):
+        text = printable(str(value)[-LONGEST_QUOTE - 1 :])
+        return f"'{text}'" if len(text) <= LONGEST_QUOTE else f"'… {text[2 - LONGEST_QUOTE :]}'"
+    if isinstance(value, str):
+        return f"'{_short(value)}'"
     try:
         return _short(repr(value))
     except (ValueError, RecursionError):  # a number of thousands of digits, an endless nesting

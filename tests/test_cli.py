@@ -80,6 +80,22 @@ def test_julia_without_julia_is_one_sentence(arguments):
     assert "Traceback" not in result.stderr
 
 
+@pytest.mark.parametrize(
+    "command",
+    [["compare"], ["show", "random"], ["solve", "qmdp"], ["check-domain"], ["policies"], ["tune", "--policy=x"]],
+)
+def test_a_julia_file_without_julia_is_one_sentence_and_imports_no_juliacall(tmp_path, command):
+    """Importing juliacall would look for a Julia on the network."""
+    (tmp_path / "juliacall.py").write_text("raise SystemExit('juliacall was imported')")
+    (tmp_path / "model.jl").write_text("error()")
+    env = {**NO_JULIA, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
+    for name, words in (("model.jl", "Julia is not set up"), ("none.jl", "none.jl': no such file")):
+        result = run(command[0], tmp_path / name, *command[1:], env=env)
+        assert result.returncode == 2
+        assert words in result.stderr
+        assert result.stderr.count("\n") == 1
+
+
 def test_half_a_set_up_says_what_is_missing():
     result = run("julia", env={**NO_JULIA, "PYTHON_JULIACALL_EXE": sys.executable})
     assert result.returncode == 1

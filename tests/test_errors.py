@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +20,8 @@ from harness.errors import HarnessError, nearest, quoted, sentence
         ("\x1b[31mred", r"'\x1b[31mred'"),
         ("\u202eright to left", r"'\u202eright to left'"),
         ("\udc80", r"'\udc80'"),
+        (Path("folder/file"), "'folder/file'"),
+        (Path("x" * 70 + "/\n/file.jl"), f"'… {'x' * 46}/\\n/file.jl'"),
         (0.25, "0.25"),
         ([1, "a"], "[1, 'a']"),
         ("x" * 60, f"'{'x' * 60}'"),
