@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 
 
 def domain_argument(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
@@ -25,14 +25,14 @@ def episode_arguments(parser: argparse.ArgumentParser) -> None:
 def natural(text: str) -> int:
     """A whole number, 0 or more."""
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, 0 or more")
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a whole number, 0 or more")
     return int(text)
 
 
 def positive(text: str) -> int:
     """A whole number, 1 or more."""
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, 1 or more")
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a whole number, 1 or more")
     return int(text)
 
 
@@ -43,7 +43,7 @@ def positive_number(text: str) -> float:
     except ValueError:
         value = 0.0
     if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a number above 0")
     return value
 
 

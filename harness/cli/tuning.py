@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.cli.arguments import domain_argument, episode_arguments, natural, positive
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,7 +64,7 @@ def number(text: str) -> float:
     except ValueError:
         value = float("nan")
     if not abs(value) < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number")
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a number")
     return value
 
 
@@ -72,7 +72,7 @@ def setting(text: str) -> tuple[str, float]:
     """``NAME=X``: a name and a number, whole where it is written so."""
     name, equals, value = text.partition("=")
     if not equals:
-        raise argparse.ArgumentTypeError(f"'{text}' is not of the form NAME=X")
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not of the form NAME=X")
     return name, int(value) if value.isdecimal() else number(value)
 
 

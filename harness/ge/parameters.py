@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from harness.errors import HarnessError, nearest
-from harness.ge.initialisation import METHODS
-from harness.ge.operators import CROSSOVERS, MUTATIONS
+from harness.errors import HarnessError, nearest, quoted
 
+# The words alone: the command line's parser needs them, and not the compiled code that they stand for.
+INITIALISATIONS = ("ramped", "pi-grow", "uniform")
+CROSSOVERS = ("one-point", "fixed-one-point", "subtree")
+MUTATIONS = ("per-codon", "per-genome", "subtree", "structural")
 REPLACEMENTS = ("generational", "steady-state")
 LAMARCKIAN, BALDWINIAN = INHERITANCES = ("lamarckian", "baldwinian")
 
@@ -32,7 +34,7 @@ class Parameters:
     loop: bool = _parameter(False, "programs start again at the top until the episode ends")
     penalty: float = _parameter(0.1, "fitness lost for every statement beyond --free-length", least=0)
     free_length: int = _parameter(50, "statements that cost nothing", least=0)
-    initialisation: str = _parameter("ramped", "of the first population", METHODS)
+    initialisation: str = _parameter("ramped", "of the first population", INITIALISATIONS)
     max_init_depth: int = _parameter(50, "levels of the first population's derivation trees", least=1)
     codon_size: int = _parameter(1000, "codons are whole numbers below this", least=2, most=2**31 - 1)
     tail: float = _parameter(0.5, "unused codons appended at first, as a share of the used ones", least=0)
@@ -79,7 +81,7 @@ def from_record(record: dict[str, Any]) -> Parameters:
     known = [f.name for f in fields(Parameters)]
     for name in record:
         if name not in known:
-            raise HarnessError(f"no parameter '{name}'{nearest(name, known)} (known: {', '.join(known)})")
+            raise HarnessError(f"no parameter {quoted(name)}{nearest(name, known)} (known: {', '.join(known)})")
     return Parameters(**record)
 
 
@@ -88,10 +90,10 @@ def _check(name: str, value: Any, default: Any, limits: Any) -> None:
     right = isinstance(value, (int, float)) if kind is float else isinstance(value, kind)
     if not right or (isinstance(value, bool) and kind is not bool):
         words = {int: "a whole number", float: "a number", str: "a word", bool: "true or false"}
-        raise HarnessError(f"{name} must be {words[kind]}, not {value!r}")
+        raise HarnessError(f"{name} must be {words[kind]}, not {quoted(value)}")
     if limits["choices"] and value not in limits["choices"]:
         choices = limits["choices"]
-        raise HarnessError(f"no {name} '{value}'{nearest(value, choices)} (known: {', '.join(choices)})")
+        raise HarnessError(f"no {name} {quoted(value)}{nearest(value, choices)} (known: {', '.join(choices)})")
     if limits["least"] is not None and not value >= limits["least"]:
         raise HarnessError(f"{name} must be {limits['least']} or more, not {value}")
     if limits["most"] is not None and not value <= limits["most"]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import cards
-from harness.errors import HarnessError, SnapshotError, nearest
+from harness.errors import HarnessError, SnapshotError, nearest, quoted
 from harness.model import archive, validation
 from harness.model.tables import Tables, from_arrays
 
@@ -157,7 +157,8 @@ class Domain:
         """
         if name not in self.actions:
             raise HarnessError(
-                f"{self.name} has no action '{name}'{nearest(name, self.actions)} (actions: {' '.join(self.actions)})"
+                f"{self.name} has no action {quoted(name)}{nearest(name, self.actions)} "
+                f"(actions: {' '.join(self.actions)})"
             )
         return self.actions.index(name)
 
@@ -169,7 +170,7 @@ class Domain:
         """
         if shaping not in self.shapings:
             raise HarnessError(
-                f"{self.name} has no reward shaping '{shaping}'{nearest(shaping, self.shapings)} "
+                f"{self.name} has no reward shaping {quoted(shaping)}{nearest(shaping, self.shapings)} "
                 f"(known: {', '.join(self.shapings)})"
             )
         return replace(self, shaping=shaping)

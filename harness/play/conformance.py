@@ -15,7 +15,7 @@ from harness import engine as engines
 from harness import policy as policies
 from harness import registry
 from harness.engine.batch import Batch
-from harness.errors import HarnessError
+from harness.errors import HarnessError, printable
 from harness.model import validation
 from harness.model.domain import Domain
 from harness.model.tables import STOP
@@ -29,6 +29,10 @@ _TOLERANCE = 1e-9
 
 class ConformanceError(HarnessError):
     """A domain, an engine or a policy breaks the contract; the message lists every breach found."""
+
+    def __str__(self) -> str:
+        """All of the list, however long."""
+        return printable(self.args[0])
 
 
 def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500, seed: int = 0) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 from harness.ge import results
 from harness.ge.folder import RunFolder
 from harness.ge.parameters import from_record
@@ -158,7 +158,7 @@ def _config(path: Path) -> dict[str, Any]:
     file, config = path / journal.CONFIG, RunFolder(path).config()
     records.check_texts((config[name] for name in ("domain", "model_hash")), file, "domain, model_hash")
     if not isinstance(config["parameters"], dict):
-        raise HarnessError(f"{file}: parameters must be an object, not {config['parameters']!r}")
+        raise HarnessError(f"{file}: parameters must be an object, not {quoted(config['parameters'])}")
     try:
         return {**config, "parameters": from_record(config["parameters"]).__dict__}
     except HarnessError as error:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.tuning.tunable import Tunable, Vector
 
 
@@ -80,7 +80,7 @@ def configure(kind: type[Any], subject: Tunable, seed: int, settings: Mapping[st
     known = {f.name: f for f in fields(kind) if "low" in f.metadata}
     for name, value in settings.items():
         if name not in known:
-            raise HarnessError(f"no setting '{name}'{nearest(name, known)} (of this method: {', '.join(known)})")
+            raise HarnessError(f"no setting {quoted(name)}{nearest(name, known)} (of this method: {', '.join(known)})")
         low, high = known[name].metadata["low"], known[name].metadata["high"]
         whole = isinstance(known[name].default, int)
         if not isinstance(value, int if whole else (int, float)) or isinstance(value, bool) or not low <= value <= high:

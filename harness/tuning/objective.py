@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from harness import engine as engines
 from harness import host
 from harness.engine import rng
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
 from harness.play import population
 from harness.play.evaluation import Evaluation, evaluate
@@ -94,6 +94,6 @@ def check(measure: str, seed: int) -> None:
         HarnessError: the measure is unknown or the seed out of range.
     """
     if measure not in MEASURES:
-        raise HarnessError(f"no measure '{measure}'{nearest(measure, MEASURES)} (known: {', '.join(MEASURES)})")
+        raise HarnessError(f"no measure {quoted(measure)}{nearest(measure, MEASURES)} (known: {', '.join(MEASURES)})")
     if not 0 <= seed < SEEDS:
         raise HarnessError(f"seed must be a whole number from 0 to 2**61 - 1, not {seed}")

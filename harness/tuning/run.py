@@ -14,7 +14,7 @@ from tqdm.auto import tqdm
 from harness import cards, files, host, registry
 from harness import engine as engines
 from harness.engine import rng
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, Score, mean_and_sem
 from harness.tuning import journal, objective
@@ -177,7 +177,7 @@ def brief(policy: str) -> str:
 
 def _method(name: str, subject: Tunable, seed: int, settings: Mapping[str, float]) -> Method:
     if name not in METHODS:
-        raise HarnessError(f"no method '{name}'{nearest(name, METHODS)} (known: {', '.join(METHODS)})")
+        raise HarnessError(f"no method {quoted(name)}{nearest(name, METHODS)} (known: {', '.join(METHODS)})")
     return configure(METHODS[name], subject, seed, settings)
 
 
