@@ -13,7 +13,7 @@ from harness.errors import HarnessError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from harness.tuning.run import Tuned
+    from harness.tuning.outcome import Tuned
 
 METHODS = ("gradient", "spsa", "score", "cmaes", "lines")
 MEASURES = ("return", "discounted")
