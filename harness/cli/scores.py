@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.cli.arguments import domain_argument, episode_arguments, natural, positive, write
+from harness.cli.arguments import domain_argument, engine_argument, episode_arguments, natural, write
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,8 +21,7 @@ def register(commands: Any) -> None:
     compare.add_argument(
         "--policy", action="append", metavar="SPEC", help="a policy, as often as wanted (default: all of the domain's)"
     )
-    compare.add_argument("--episodes", type=positive, metavar="N", help="default: 10000, for rollout 1000")
-    episode_arguments(compare)
+    episode_arguments(compare, episodes="default: 10000, for rollout 1000")
     compare.add_argument("--format", choices=FORMATS, default="table", help="default: table")
     compare.add_argument("--out", type=Path, metavar="FILE", help="write there instead of to the terminal")
     compare.set_defaults(run=_compare)
@@ -43,7 +42,7 @@ def register(commands: Any) -> None:
 
     check = commands.add_parser("check-domain", help="check a domain, and an engine against it")
     domain_argument(check)
-    check.add_argument("--engine", default="auto", help="auto, tables or julia (default auto)")
+    engine_argument(check)
     check.set_defaults(run=_check_domain)
 
 

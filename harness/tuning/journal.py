@@ -18,9 +18,9 @@ import numpy as np
 import pandas as pd
 
 from harness import files
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 from harness.model import archive
-from harness.tuning.method import Ask, Move, quoted
+from harness.tuning.method import Ask, Move
 from harness.tuning.tunable import Vector
 
 CONFIG, HISTORY, RESULT = "config.json", "history.csv", "result.json"

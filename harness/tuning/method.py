@@ -10,16 +10,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.tuning.tunable import Tunable, Vector
 
 MOST_STEPS = 1_000_000
 """The longest horizon."""
 
-MOST_EPISODES = 100_000_000
-"""The most that are played at once: their returns take 0.8 GB."""
-
-_QUOTED = 60
+MOST_EPISODES = 10_000_000
+"""The most at a point, and at all points of an iteration together: what is kept of them takes some 0.2 GB."""
 
 _MOST = 1_000_000
 """The highest value of a setting that names no other."""
@@ -91,12 +89,6 @@ def check_number(name: str, value: Any, whole: bool, low: float, high: float) ->
     if not isinstance(value, int if whole else (int, float)) or isinstance(value, bool) or not low <= value <= high:
         kind = "whole number" if whole else "number"
         raise HarnessError(f"{name} must be a {kind} from {low:,} to {high:,}, not {quoted(value)}")
-
-
-def quoted(value: Any) -> str:
-    """Anything as a message quotes it: printable, on one line, at most 60 characters."""
-    line = "".join(c if c.isprintable() else " " for c in str(value))
-    return line if len(line) <= _QUOTED else f"{line[: _QUOTED - 1]}…"
 
 
 def configure(kind: type[Any], subject: Tunable, seed: int, settings: Mapping[str, Any]) -> Method:

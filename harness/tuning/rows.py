@@ -63,12 +63,13 @@ class Rows:
         if not path.exists():  # stopped before the first row
             return []
         try:
-            header, *rows = csv.reader(io.StringIO(path.read_text(encoding="utf-8")), strict=True)
+            text = path.read_text(encoding="utf-8")
+            header, *rows = csv.reader(io.StringIO(text), strict=True)
             read: list[list[Any]] = [[row[0], float(row[1]), int(row[2]), *(float(x) for x in row[3:])] for row in rows]
         except (OSError, ValueError, IndexError, csv.Error):
             raise self._damaged("it cannot be read as a sweep") from None
         whole = all(len(row) == len(self.columns) and all(math.isfinite(x) for x in row[1:]) for row in read)
-        if header != self.columns or not whole or len(read) > most:
+        if header != self.columns or not whole or len(read) > most or not text.endswith("\n"):
             raise self._damaged("its rows are not those of the sweep")
         return read
 

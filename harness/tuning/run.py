@@ -35,6 +35,9 @@ METHODS: dict[str, type[Any]] = {
 }
 """Ways uphill by name; their fields are their settings."""
 
+COUNTS = {"validation_episodes": EPISODES, "final_episodes": EPISODES}
+"""What every run can be told besides, and the defaults."""
+
 
 def tune(
     domain: Domain | str,
@@ -44,8 +47,8 @@ def tune(
     measure: str = "return",
     seed: int = 0,
     horizon: int = HORIZON,
-    validation_episodes: int = EPISODES,
-    final_episodes: int = EPISODES,
+    validation_episodes: int = COUNTS["validation_episodes"],
+    final_episodes: int = COUNTS["final_episodes"],
     engine: str = "auto",
     workers: int | None = None,
     out: str | Path | None = None,
