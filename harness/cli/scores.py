@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.cli.arguments import domain_argument, episode_arguments, natural, positive, write
+from harness.cli.arguments import domain_argument, engine_argument, episode_arguments, natural, positive, write
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,15 +17,14 @@ FORMATS = ("table", "markdown", "latex", "csv", "json")
 def register(commands: Any) -> None:
     """Add the commands to the parser."""
     compare = commands.add_parser("compare", help="score policies on a domain, or on several, side by side")
-    domain_argument(compare, nargs="+")
+    domain_argument(compare, several=True)
     compare.add_argument(
         "--policy", action="append", metavar="SPEC", help="a policy, as often as wanted (default: all of the domain's)"
     )
     compare.add_argument(
         "--against", metavar="SPEC", help="a policy that every other one is compared with, episode by episode"
     )
-    compare.add_argument("--episodes", type=positive, metavar="N", help="default: 10000, for rollout 1000")
-    episode_arguments(compare)
+    episode_arguments(compare, episodes="default: 10000, for rollout 1000")
     compare.add_argument("--format", choices=FORMATS, default="table", help="default: table")
     compare.add_argument("--out", type=Path, metavar="FILE", help="write there instead of to the terminal")
     compare.add_argument("--figure", type=Path, metavar="FILE", help="draw the returns too, as .png, .pdf or .svg")
@@ -47,7 +46,7 @@ def register(commands: Any) -> None:
 
     check = commands.add_parser("check-domain", help="check a domain, and an engine against it")
     domain_argument(check)
-    check.add_argument("--engine", default="auto", help="auto, tables or julia (default auto)")
+    engine_argument(check)
     check.set_defaults(run=_check_domain)
 
     check = commands.add_parser("check-policy", help="check that a policy acts alike in every batch and thread")

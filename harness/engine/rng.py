@@ -26,6 +26,9 @@ TRAINING = 1 << 62
 HELD_OUT = 1 << 61
 """Added to the seed of the fresh episodes on which what was learnt is scored."""
 
+VALIDATION = 1 << 63
+"""Added to the seed of the episodes that choose among what a tuning run has visited."""
+
 REFINEMENT = TRAINING + HELD_OUT
 """Added to the seed of the episodes on which constants are tuned in the course of an evolution."""
 

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 
 from harness import engine as engines
-from harness import registry
+from harness import files, registry
 from harness.engine import rng
 from harness.errors import HarnessError
 from harness.ge import grammar as bnf
-from harness.ge import loop
+from harness.ge import loop, parameter_file
 from harness.ge.defaults import grammar_for
 from harness.ge.fitness import ProgramFitness, check_language
 from harness.ge.folder import RunFolder, State, provenance
@@ -111,6 +111,8 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
     saved = begun = time.monotonic()
     last: loop.Generation | None = None  # the last one that is in the history
     rivals: list[str] = []
+    if folder:
+        files.replace_text(folder.path / parameter_file.NAME, parameter_file.text(p, setup.domain.name))
     try:
         for generation in loop.evolve(setup.grammar, p, fitness, first, start, _refiner(setup, fitness)):
             if generation.number == p.generations:

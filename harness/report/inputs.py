@@ -18,6 +18,7 @@ from harness.play.evaluation import Score
 from harness.report import records
 from harness.score.table import COLUMNS, DIFFERENCES
 from harness.tuning import journal
+from harness.tuning.outcome import Gain
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,21 @@ def _tuning(path: Path, name: str) -> Tuning:
         records.check_texts([result["stopped"], result["policy"]], path / journal.RESULT, "stopped, policy")
         for score in ("training", "fresh"):
             records.check_score(result[score], path / journal.RESULT)
+        _check_places(result, path / journal.RESULT)
     return Tuning(name, {**config, "run": run}, _history(path, ["iteration", "value", "sem"]), result or None)
+
+
+def _check_places(result: Mapping[str, Any], path: Path) -> None:
+    """Check start, end and gain; a result of an older version has none of them."""
+    if "gain" not in result:
+        return
+    for name in ("start", "ended", "gain"):
+        if not isinstance(result.get(name), dict):
+            raise HarnessError(f"{path}: {name} must be an object; write the file again")
+    records.check_numbers(result["gain"], path, Gain._fields)
+    for place in (result["start"], result["ended"]):
+        records.check_texts([place.get("policy")], path, "policy")
+        records.check_score(place.get("fresh"), path)
 
 
 def _history(path: Path, needed: Sequence[str], columns: Sequence[str] = ()) -> pd.DataFrame:

@@ -59,7 +59,7 @@ def _sweep_line(axes: Axes, table: pd.DataFrame) -> None:
 def history_figure(history: pd.DataFrame, names: Sequence[str], measure: str) -> Figure:
     """Values and iterates of a tuning run over its iterations, as a matplotlib figure.
 
-    ``history`` is that of :class:`~harness.tuning.run.Tuned`; ``names`` are the numbers tuned.
+    ``history`` is that of :class:`~harness.tuning.outcome.Tuned`; ``names`` are the numbers tuned.
     """
     figure = blank(6.3, 5.2)
     above, below = figure.subplots(2, 1, sharex=True)

@@ -44,6 +44,8 @@ class Episodes:
     measure: str
     engine: str = "auto"
     workers: int | None = None
+    range: int = rng.TRAINING
+    """Of seeds: what is added to :attr:`seed`."""
 
     def __call__(self, ask: Ask) -> NDArray[np.float64]:
         """(n, episodes) returns by :attr:`measure`, as the domain's shaping pays them."""
@@ -52,7 +54,7 @@ class Episodes:
         first = (int(k) for k in ask.first)
         return np.stack(
             [
-                measured(self.play(point, ask.episodes, rng.TRAINING + self.seed, k), self.measure)
+                measured(self.play(point, ask.episodes, self.range + self.seed, k), self.measure)
                 for point, k in zip(ask.points, first, strict=True)
             ]
         )
@@ -64,7 +66,7 @@ class Episodes:
         for first in np.unique(ask.first):
             rows = np.flatnonzero(ask.first == first)
             programs = [subject.at(ask.points[row]) for row in rows]
-            episodes = population.Episodes(rng.TRAINING + self.seed, int(first), ask.episodes, self.horizon)
+            episodes = population.Episodes(self.range + self.seed, int(first), ask.episodes, self.horizon)
             returns[rows] = population.play(self.domain, programs, episodes, engine, workers).returns
         return returns
 
