@@ -372,8 +372,12 @@ class TestMisuse:
         assert main(["evolve", "--resume", str(folder)]) == 2
         assert "ends before generation 6" in capsys.readouterr().err
         (folder / "history.csv").write_text(history)
-        config = json.loads((folder / "config.json").read_text())
-        (folder / "config.json").write_text(json.dumps({**config, "model_hash": "0" * 64}))
+
+    def test_another_model_is_not_gone_on_with(self, tmp_path, capsys, monkeypatch):
+        folder = tmp_path / "run"
+        harness.evolve("rocksample-7x8", engine="tables", out=folder, **SMALL)
+        other = dataclasses.replace(harness.load("rocksample-7x8"), provenance={}, discount=0.9)
+        monkeypatch.setattr(registry, "load", lambda name: other)
         assert main(["evolve", "--resume", str(folder)]) == 2
         assert "another model" in capsys.readouterr().err
 
