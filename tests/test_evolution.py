@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -16,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harness
+from harness import registry
 from harness.cli import main
 from harness.engine import rng
 from harness.ge import grammar as bnf
@@ -376,7 +378,7 @@ class TestMisuse:
     def test_another_model_is_not_gone_on_with(self, tmp_path, capsys, monkeypatch):
         folder = tmp_path / "run"
         harness.evolve("rocksample-7x8", engine="tables", out=folder, **SMALL)
-        other = dataclasses.replace(harness.load("rocksample-7x8"), provenance={}, discount=0.9)
+        other = dataclasses.replace(harness.load("rocksample-7x8"), discount=0.9)
         monkeypatch.setattr(registry, "load", lambda name: other)
         assert main(["evolve", "--resume", str(folder)]) == 2
         assert "another model" in capsys.readouterr().err

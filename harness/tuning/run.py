@@ -12,7 +12,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from harness import engine as engines
-from harness import files, host, registry
+from harness import files, host, locking, registry
 from harness.engine import rng
 from harness.errors import HarnessError, nearest
 from harness.model.domain import Domain
@@ -75,6 +75,7 @@ class Tuned:
         return history_figure(self.history, list(self.best.theta), self.config["run"]["measure"])
 
 
+@locking.alone
 def tune(
     domain: Domain | str,
     policy: str | Tunable,
