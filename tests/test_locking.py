@@ -11,7 +11,7 @@ import threading
 import pytest
 
 import harness
-from harness import HarnessError, host, locking
+from harness import HarnessError, locking
 from harness.cli import main
 
 HOLD = """
@@ -93,7 +93,6 @@ def test_every_command_that_works_in_a_folder_is_alone(tmp_path, holder, capsys)
         ["evolve", "rocksample-7x8", "--out", folder],
         ["evolve", "--resume", folder],
         ["tune", "rocksample-7x8", "--policy", "belief", "--out", folder],
-        ["tune", "--resume", folder],
         ["reproduce", "--quick", "--out", folder],
     ):
         assert main(words) == 2
@@ -117,13 +116,12 @@ def test_a_run_of_many_is_alone_in_its_own_folder(tmp_path):
 
 def test_a_worker_ends_with_its_parent():
     """A child of a killed process, which would sleep on; it says when it ends by closing its output."""
-    middle = (
-        "import os, subprocess, sys, time\n"
-        "child = 'import os, sys, time; from harness import host; host.end_with(int(sys.argv[1])); time.sleep(600)'\n"
-        "subprocess.Popen([sys.executable, '-c', child, str(os.getpid())])\n"
-        "time.sleep(600)\n"
+    child = (
+        "import os, sys, time; from harness import host; host.end_with(int(sys.argv[1])); print('up', flush=True); "
+        "time.sleep(600)"
     )
-    with subprocess.Popen([sys.executable, "-c", middle], stdout=subprocess.PIPE) as process:
+    middle = "import os, subprocess, sys; subprocess.run([sys.executable, '-c', sys.argv[1], str(os.getpid())])"
+    with subprocess.Popen([sys.executable, "-c", middle, child], stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"up\n"
         process.kill()
         assert process.stdout.read() == b""  # the end of the file: nobody has it open any more
-    assert host.cores() >= 1

@@ -213,7 +213,9 @@ def test_a_stored_column_missing_or_wrong_fails_its_row_only(scores, capsys, lin
 )
 def test_an_edited_figure_fails_its_row_and_is_mended(scores, shared, capsys, column, value, words):
     """With the old digest: the episodes come out as stored, but what is said of them is not theirs."""
-    scores.write_text(re.sub(f"^{column} = .*$", f"{column} = {value}", shared, count=1, flags=re.MULTILINE))
+    rows, mark, figures = shared.partition("[[stored]]")
+    edited = re.sub(f"^{column} = .*$", f"{column} = {value}", figures, count=1, flags=re.MULTILINE)
+    scores.write_text(rows + mark + edited)
     status, out = check(capsys, scores)
     assert status == 1
     assert words in out
@@ -386,6 +388,8 @@ def test_misuse_names_file_and_line(tmp_path, capsys, old, new, line, words):
         ("score = 3\n", "'score' must be written [[score]]"),
         ("[score]\ndomain = 'a'\n", "'score' must be written [[score]]"),
         (b"\xff\xfe", "not UTF-8"),
+        ("x = " + "9" * 5_000, "not TOML: "),
+        ("x = " + "[" * 100_000, "not TOML: "),
     ],
 )
 def test_files_that_are_no_lists(tmp_path, capsys, text, words):
