@@ -96,7 +96,8 @@ def restore(folder: RunFolder, workers: int, generations: int | None = None) -> 
         )
     more = {} if generations is None else {"generations": generations}
     parameters = from_record({**config["parameters"], **more})
-    return _checked(domain, bnf.read(folder.path / "grammar.bnf"), parameters, config["engine"], workers)
+    grammar = bnf.parse(folder.grammar(), config["grammar"])
+    return _checked(domain, grammar, parameters, config["engine"], workers)
 
 
 def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
@@ -104,6 +105,8 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
     p = setup.parameters
     fitness = ProgramFitness(setup.domain, p, setup.engine, setup.workers)
     state = folder.state() if folder else None
+    if folder and state and len(state.population) != p.population:
+        raise HarnessError(f"the checkpoint in {folder.path} is of another run; start anew in another folder")
     rows = list(state.rows) if state else []
     start, first = (state.generation, state.population) if state else (0, loop.first_population(setup.grammar, p))
     for row in rows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -113,7 +114,9 @@ def _facts(result: Evaluation) -> dict[str, object]:
 
 
 def mean_and_sem(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and its standard error; both exact, without rounding, where all values are equal."""
+    """Mean and its standard error; both exact where all values are equal. One value says nothing of its error: NaN."""
+    if len(values) == 1:
+        return float(values[0]), math.nan
     if values.min() == values.max():
         return float(values[0]), 0.0
     return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values)))

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from harness.engine import ENGINES
 from harness.errors import HarnessError, nearest, quoted
 from harness.play.evaluation import EPISODES, HORIZON
 from harness.regression import statistics
@@ -50,7 +51,7 @@ class Row:
     domain: str
     policy: str
     episodes: int = EPISODES
-    """What a check plays first; where they all come out as stored, it plays no more."""
+    """Those that are compared one by one with the stored ones."""
     seed: int = 0
     horizon: int = HORIZON
     engine: str = "auto"
@@ -105,10 +106,16 @@ class StoredScore:
 
     def __post_init__(self) -> None:
         """Refuse what no score can be."""
-        if self.reference_episodes < FEWEST_EPISODES:
-            raise HarnessError(f"reference_episodes must be {FEWEST_EPISODES} or more, not {self.reference_episodes}")
-        if self.sem < 0:
-            raise HarnessError(f"sem must be 0 or more, not {self.sem}")
+        for name, least in (("horizon", 1), ("seed", 0), ("episodes", FEWEST_EPISODES)):
+            if getattr(self, name) < least:
+                raise HarnessError(f"{name} must be {least} or more, not {getattr(self, name)}")
+        if self.reference_episodes < self.episodes:
+            raise HarnessError(f"reference_episodes must be {self.episodes} or more, not {self.reference_episodes}")
+        if self.engine not in ENGINES:
+            raise HarnessError(f"engine must be {' or '.join(ENGINES)}, not '{self.engine}'")
+        for name in ("sem", "discounted_sem", "steps_mean", "success_rate"):
+            if getattr(self, name) < 0:
+                raise HarnessError(f"{name} must be 0 or more, not {getattr(self, name)}")
 
     @property
     def key(self) -> Key:

@@ -62,9 +62,11 @@ def read(path: Path) -> ScoreFile:
     except (OSError, UnicodeDecodeError) as error:
         raise HarnessError(f"cannot read {path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}") from None
     try:
-        return _Reader(path, text, tomllib.loads(text)).file()
-    except tomllib.TOMLDecodeError as error:
-        raise HarnessError(f"{path}: not TOML: {error}") from None
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and nesting without end
+        known = isinstance(error, tomllib.TOMLDecodeError)
+        raise HarnessError(f"{path}: not TOML: {error if known else 'a number or a nesting without end'}") from None
+    return _Reader(path, text, tables).file()
 
 
 class _Reader:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -170,12 +169,9 @@ def read_parameters(folder: Path, name: str = CONFIG) -> dict[str, Any]:
         HarnessError: there is no run, or its file is damaged.
     """
     path = folder / name
-    try:
-        config = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise HarnessError(f"{folder} holds no run to resume (there is no {name}); start one with --out") from None
-    except (OSError, ValueError):
-        config = None
+    if not path.exists():
+        raise HarnessError(f"{folder} holds no run to resume (there is no {name}); start one with --out")
+    config = files.read_json(path, "start anew in another folder")
     run = config.get("run") if isinstance(config, dict) else None
     if not isinstance(run, dict) or config.get("hash") != archive.digest({}, run):
         raise HarnessError(f"{path} is damaged, or was changed by hand; start anew in another folder")

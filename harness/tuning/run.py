@@ -10,7 +10,7 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from harness import engine as engines
-from harness import files, host, registry
+from harness import files, host, locking, registry
 from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, mean_and_sem
@@ -21,7 +21,7 @@ from harness.tuning.constants import Constants
 from harness.tuning.lines import Lines
 from harness.tuning.method import MOST_EPISODES, MOST_STEPS, Method, check_number, configure, settings_of
 from harness.tuning.objective import Episodes, Objective
-from harness.tuning.outcome import Tuned, outcome, record
+from harness.tuning.outcome import Tuned, brief, outcome, record
 from harness.tuning.score import ScoreFunction
 from harness.tuning.spsa import Spsa
 from harness.tuning.tunable import Tunable, Vector, tunable
@@ -39,6 +39,7 @@ COUNTS = {"validation_episodes": EPISODES, "final_episodes": EPISODES}
 """What every run can be told besides, and the defaults."""
 
 
+@locking.alone
 def tune(
     domain: Domain | str,
     policy: str | Tunable,

@@ -11,7 +11,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from harness import engine as engines
-from harness import host, registry
+from harness import host, locking, registry
 from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, evaluate
@@ -27,6 +27,7 @@ MOST_POINTS = 10_000
 _DECIMALS = 10  # so that a grid of hundredths has the numbers that people write: 0.84, not 0.8400000000000001
 
 
+@locking.alone
 def sweep(
     domain: Domain | str,
     policy: str | Tunable,
