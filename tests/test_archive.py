@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
+import pickle
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -144,3 +146,27 @@ def test_shapings_change_the_reward_and_nothing_else(bordercross):
     assert np.array_equal(paper.tables.outcomes["visible"], bordercross.tables.outcomes["visible"])
     bonus = paper.tables.outcomes["reward"] - bordercross.tables.outcomes["reward"]
     assert set(bonus) == {0.0, 1.0, 2.0}
+
+
+def test_an_unpickled_domain_equals_the_original(rocksample, bordercross, tmp_path):
+    again = pickle.loads(pickle.dumps(rocksample))
+    assert again is not rocksample
+    assert again == rocksample
+    assert hash(again) == hash(rocksample)
+    assert harness.evaluate(again, "belief", episodes=20, engine="tables").returns.tolist() == (
+        harness.evaluate(rocksample, "belief", episodes=20, engine="tables").returns.tolist()
+    )
+    domain.save(rocksample, tmp_path / "again.npz")
+    assert domain.read(tmp_path / "again.npz") == rocksample
+    assert rocksample != bordercross
+    assert rocksample != rocksample.name
+    assert bordercross.shaped("potential") != bordercross
+    assert replace(rocksample, version=rocksample.version + 1) != rocksample
+    changed = {**rocksample.arrays, "outcome_reward": rocksample.arrays["outcome_reward"] + 1}
+    assert replace(rocksample, arrays=changed) != rocksample
+
+
+def test_a_pickled_domain_leaves_live_julia_behind(rocksample):
+    live = replace(rocksample, live=lambda: "no pickle takes this")
+    assert pickle.loads(pickle.dumps(live)).live is None
+    assert copy.deepcopy([live])[0] is live
