@@ -80,6 +80,7 @@ def resume(
     generations: int | None = None,
     workers: int | None = None,
     backend: str = "loky",
+    allow_code: bool = False,
     progress: bool = False,
 ) -> Evolution | Evolutions:
     """Go on with what :func:`harness.evolve` began in a folder; the end is the same as without the interruption.
@@ -89,6 +90,7 @@ def resume(
         generations: go on for longer than the run was meant to.
         workers: threads of one run, processes of many.
         backend: joblib's backend for many runs.
+        allow_code: load the domain even where the folder names a file, a snapshot or a Julia file.
         progress: show a progress bar on a terminal.
 
     Raises:
@@ -99,8 +101,8 @@ def resume(
     folders = folders_of(parent)
     if not folders:
         folder = RunFolder(parent)
-        return _one(_restored(folder, workers or host.cores(), generations), folder, progress)
-    setups = [_restored(folder, 1, generations) for folder in folders]
+        return _one(_restored(folder, workers or host.cores(), generations, allow_code), folder, progress)
+    setups = [_restored(folder, 1, generations, allow_code) for folder in folders]
     return _many(setups, folders, parent, workers, backend, progress)
 
 
@@ -112,8 +114,8 @@ def folders_of(parent: Path) -> list[RunFolder]:
     return [RunFolder(path.parent) for path in sorted(parent.glob(f"{_PREFIX}*/config.json"), key=_seed_of)]
 
 
-def _restored(folder: RunFolder, workers: int, generations: int | None) -> Setup:
-    setup = restore(folder, workers, generations)
+def _restored(folder: RunFolder, workers: int, generations: int | None, allow_code: bool) -> Setup:
+    setup = restore(folder, workers, generations, allow_code)
     state = folder.state()
     if generations is not None:
         if state and generations < state.generation:

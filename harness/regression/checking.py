@@ -41,6 +41,7 @@ def check_scores(
     exact: bool = False,
     seed: int | None = None,
     engine: str | None = None,
+    allow_code: bool = False,
     progress: bool = False,
 ) -> ScoreCheck:
     """Score the rows of a file again and compare with the scores stored there.
@@ -50,6 +51,7 @@ def check_scores(
         exact: fail a row unless every episode comes out as stored.
         seed: other episodes than those stored, which makes the comparison statistical.
         engine: ``tables``, ``julia`` or ``auto``, instead of what the rows say.
+        allow_code: read and run the files that the rows name as domains and policies.
         progress: show a progress bar over the rows when the check takes longer than two seconds.
 
     Raises:
@@ -59,7 +61,7 @@ def check_scores(
     if exact and seed is not None:
         raise HarnessError("an exact check plays the episodes that are stored; leave out either --exact or --seed")
     file = _read(Path(path))
-    tasks = _tasks(file, seed=seed, engine=engine)
+    tasks = _tasks(file, allow_code, seed=seed, engine=engine)
     measurements: list[Measurement] = []
 
     def outcomes() -> tuple[Outcome, ...]:
@@ -81,7 +83,7 @@ def _measure(task: Task, file: ScoreFile) -> Measurement:
     return scoring.measure(task, file.stored.get(key))
 
 
-def update_scores(path: str | Path = "scores.toml", *, progress: bool = False) -> list[Move]:
+def update_scores(path: str | Path = "scores.toml", *, allow_code: bool = False, progress: bool = False) -> list[Move]:
     """Score the rows of a file and store the scores in it; rows whose episodes all come out as stored stay untouched.
 
     The file is replaced in one go at the end; after an error or Ctrl-C it is as before.
@@ -94,7 +96,7 @@ def update_scores(path: str | Path = "scores.toml", *, progress: bool = False) -
     """
     file = _read(Path(path))
     moves = []
-    for task in _shown(_tasks(file), "update", progress):
+    for task in _shown(_tasks(file, allow_code), "update", progress):
         before = file.stored.get(task.row.key) if task.row.key not in file.damaged else None
         after = scoring.renew(task, before, file.limits)
         moves.append(Move(before, after))
@@ -111,14 +113,17 @@ def _read(path: Path) -> ScoreFile:
     return file
 
 
-def _tasks(file: ScoreFile, seed: int | None = None, engine: str | None = None) -> list[Task]:
-    return [_task(file.path, line, row, seed, engine) for row, line in zip(file.rows, file.lines, strict=True)]
+def _tasks(file: ScoreFile, allow_code: bool, seed: int | None = None, engine: str | None = None) -> list[Task]:
+    tasks = []
+    for row, line in zip(file.rows, file.lines, strict=True):
+        chosen = dataclasses.replace(row, seed=row.seed if seed is None else seed, engine=engine or row.engine)
+        tasks.append(_task(file.path, line, chosen, allow_code))
+    return tasks
 
 
-def _task(path: Path, line: int, row: Row, seed: int | None, engine: str | None) -> Task:
-    seed = row.seed if seed is None else seed
+def _task(path: Path, line: int, row: Row, allow_code: bool) -> Task:
     try:
-        return scoring.task(dataclasses.replace(row, seed=seed, engine=engine or row.engine))
+        return scoring.task(row, allow_code)
     except HarnessError as error:
         raise HarnessError(f"{path}:{line}: {error}") from None
 

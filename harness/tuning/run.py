@@ -13,6 +13,7 @@ from tqdm.auto import tqdm
 
 from harness import engine as engines
 from harness import files, host, registry
+from harness import policy as policies
 from harness.engine import rng
 from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
@@ -185,7 +186,10 @@ def resume(folder: str | Path, **given: Any) -> Tuned:
     if "method" in given:  # before the settings, which belong to it
         journal.check_same({"method": stored["method"]}, {"method": given["method"]}, Path(folder))
     named, shaping = stored.pop("domain"), stored.pop("shaping")
-    domain = registry.load(given.pop("domain", named)).shaped(shaping)
+    if "policy" not in given:
+        policies.check_from_data(stored["policy"])
+    loaded = registry.load(given.pop("domain")) if "domain" in given else registry.load_from_data(named)
+    domain = loaded.shaped(shaping)
     return tune(domain, out=folder, resume=True, **(stored | given))
 
 
