@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import joblib
-from tqdm.auto import tqdm
 
 from harness import files, host
 from harness.errors import HarnessError
@@ -20,6 +19,7 @@ from harness.ge.parameters import Parameters
 from harness.ge.results import Evolution, Evolutions
 from harness.ge.search import Setup, config_of, prepare, restore, run
 from harness.model.domain import Domain
+from harness.progress import Bar, Progress
 
 
 def evolve(
@@ -31,7 +31,7 @@ def evolve(
     engine: str = "tables",
     workers: int | None = None,
     backend: str = "loky",
-    progress: bool = False,
+    progress: Progress = False,
     **parameters: Any,
 ) -> Evolution | Evolutions:
     """Evolve a program for a domain by grammatical evolution.
@@ -46,7 +46,8 @@ def evolve(
             programs are the same, and found many times faster.
         workers: threads of one run, processes of many (default: as many as there are cores); they change no number.
         backend: joblib's backend for many runs: ``loky`` (processes), ``threading``, ``dask``, …
-        progress: show a progress bar on a terminal.
+        progress: True for a bar on a terminal, or a function that is called with the number of generations finished
+            since its last call.
         parameters: of the run, see :class:`harness.ge.parameters.Parameters`: ``population``, ``generations``,
             ``episodes``, ``seed``, ``shaping``, ``loop``, ``tournament``, ``crossover``, ``mutation``, …
 
@@ -81,7 +82,7 @@ def resume(
     workers: int | None = None,
     backend: str = "loky",
     allow_code: bool = False,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Evolution | Evolutions:
     """Go on with what :func:`harness.evolve` began in a folder; the end is the same as without the interruption.
 
@@ -91,7 +92,8 @@ def resume(
         workers: threads of one run, processes of many.
         backend: joblib's backend for many runs.
         allow_code: load the domain even where the folder names a file, a snapshot or a Julia file.
-        progress: show a progress bar on a terminal.
+        progress: True for a bar on a terminal, or a function that is called with the number of generations finished
+            since its last call.
 
     Raises:
         HarnessError: the folder holds no run, a damaged one, or one on another model of the domain.
@@ -144,7 +146,7 @@ def _check_runs(runs: int, workers: int | None) -> None:
         raise HarnessError(f"workers must be 1 or more, not {workers}")
 
 
-def _one(setup: Setup, folder: RunFolder | None, progress: bool) -> Evolution:
+def _one(setup: Setup, folder: RunFolder | None, progress: Progress) -> Evolution:
     with _bar(setup.parameters.generations + 1, progress) as bar:
 
         def watch(row: Mapping[str, Any]) -> None:
@@ -161,7 +163,7 @@ def _many(
     parent: Path,
     workers: int | None,
     backend: str,
-    progress: bool,
+    progress: Progress,
 ) -> Evolutions:
     """All runs, as many at a time as there are workers. What is on disk tells how far they are."""
     with _bar(sum(setup.parameters.generations + 1 for setup in setups), progress) as bar, _watching(folders, bar):
@@ -183,17 +185,20 @@ def _in_worker(setup: Setup, folder: RunFolder, caller: int) -> Evolution:
     return run(setup, folder, watch)
 
 
-def _bar(total: int, progress: bool) -> Any:
-    return tqdm(total=total, unit="gen", disable=None if progress else True)
+def _bar(total: int, progress: Progress) -> Bar:
+    return Bar(progress, total, unit="gen", leave=True)
 
 
 @contextlib.contextmanager
-def _watching(folders: Sequence[RunFolder], bar: Any) -> Iterator[None]:
+def _watching(folders: Sequence[RunFolder], bar: Bar) -> Iterator[None]:
     done = threading.Event()
+
+    def count() -> None:
+        bar.update(sum(folder.rows_written() for folder in folders) - bar.n)
 
     def watch() -> None:
         while not done.wait(1.0):
-            bar.update(sum(folder.rows_written() for folder in folders) - bar.n)
+            count()
 
     thread = threading.Thread(target=watch, daemon=True)
     thread.start()
@@ -202,3 +207,4 @@ def _watching(folders: Sequence[RunFolder], bar: Any) -> Iterator[None]:
     finally:
         done.set()
         thread.join()
+        count()

@@ -22,6 +22,7 @@ from harness.errors import HarnessError, PolicyError
 from harness.model.domain import Domain
 from harness.model.tables import STOP, compiled
 from harness.policy import Policy
+from harness.progress import Bar, Progress
 
 HORIZON = 50
 """Steps after which an episode is truncated (paper, Table 2)."""
@@ -33,7 +34,6 @@ Z95 = 1.959963984540054
 _BATCH = 32_768  # episodes a batch: threads meet at the interpreter lock once a step, so not too few
 _JULIA_BATCH = 131_072  # one call into Julia a step, its threads inside
 
-Progress = Callable[[int], object]
 """Called with a number of episodes as they are finished."""
 
 
@@ -172,7 +172,7 @@ def evaluate(
     horizon: int = HORIZON,
     engine: str = "auto",
     workers: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = False,
 ) -> Evaluation:
     """Score a policy on a domain.
 
@@ -185,7 +185,8 @@ def evaluate(
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.
         workers: threads of the tables engine (default: one a core). The numbers do not depend on it.
-        progress: called with the number of episodes finished since the last call.
+        progress: True for a bar on a terminal, or a function that is called with the number of episodes finished since
+            its last call.
 
     Raises:
         HarnessError: an argument is wrong (the message says which and how to mend it).
@@ -208,7 +209,8 @@ def evaluate(
         records = simulate(domain, copy.copy(made), engine, seed, *chunk, horizon)
         return _totals(itertools.takewhile(lambda _: not stop.is_set(), records), chunk[1], domain.discount)
 
-    parts = _map(run, chunks, threads, progress or (lambda finished: None), stop)
+    with Bar(progress, episodes, desc=spec, unit="episode", delay=2) as bar:
+        parts = _map(run, chunks, threads, bar.update, stop)
     totals = _Totals(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return Evaluation(domain, spec, engine, seed, horizon, *totals)
 
@@ -257,7 +259,7 @@ def _map(
     run: Callable[[tuple[int, int]], _Totals],
     chunks: list[tuple[int, int]],
     threads: int,
-    progress: Progress,
+    progress: Callable[[int], object],
     stop: threading.Event,
 ) -> list[_Totals]:
     """Results of the chunks in order. Ctrl-C sets ``stop``, which ends the chunks under way at their next step."""

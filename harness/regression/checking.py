@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tqdm.auto import tqdm
-
 from harness.errors import HarnessError
+from harness.progress import Bar, Progress
 from harness.regression import scoring, stored
 from harness.regression.judging import Outcome, ScoreCheck, judge
 from harness.regression.rows import Row, StoredScore
@@ -42,7 +41,7 @@ def check_scores(
     seed: int | None = None,
     engine: str | None = None,
     allow_code: bool = False,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> ScoreCheck:
     """Score the rows of a file again and compare with the scores stored there.
 
@@ -52,7 +51,8 @@ def check_scores(
         seed: other episodes than those stored, which makes the comparison statistical.
         engine: ``tables``, ``julia`` or ``auto``, instead of what the rows say.
         allow_code: read and run the files that the rows name as domains and policies.
-        progress: show a progress bar over the rows when the check takes longer than two seconds.
+        progress: True for a bar on a terminal when the check takes longer than two seconds, or a function that is
+            called with the number of rows finished since its last call.
 
     Raises:
         HarnessError: the file or an argument is wrong; nothing is played before all rows have been checked.
@@ -83,7 +83,9 @@ def _measure(task: Task, file: ScoreFile) -> Measurement:
     return scoring.measure(task, file.stored.get(key))
 
 
-def update_scores(path: str | Path = "scores.toml", *, allow_code: bool = False, progress: bool = False) -> list[Move]:
+def update_scores(
+    path: str | Path = "scores.toml", *, allow_code: bool = False, progress: Progress = False
+) -> list[Move]:
     """Score the rows of a file and store the scores in it; rows whose episodes all come out as stored stay untouched.
 
     The file is replaced in one go at the end; after an error or Ctrl-C it is as before.
@@ -128,9 +130,11 @@ def _task(path: Path, line: int, row: Row, allow_code: bool) -> Task:
         raise HarnessError(f"{path}:{line}: {error}") from None
 
 
-def _shown(tasks: list[Task], what: str, progress: bool) -> Iterable[Task]:
-    """With a progress bar where one is wanted and there is a terminal."""
-    return tqdm(tasks, desc=what, unit="row", delay=2, leave=False, disable=None if progress else True)
+def _shown(tasks: list[Task], what: str, progress: Progress) -> Iterable[Task]:
+    with Bar(progress, len(tasks), desc=what, unit="row", delay=2) as bar:
+        for task in tasks:
+            yield task
+            bar.update()
 
 
 def _vanished(file: ScoreFile) -> tuple[Outcome, ...]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from tqdm.auto import tqdm
 
 from harness import engine as engines
 from harness import files, host, registry
@@ -18,6 +17,7 @@ from harness.engine import rng
 from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, Score, mean_and_sem
+from harness.progress import Bar, Progress
 from harness.tuning import journal, objective
 from harness.tuning.ascent import ForwardDifference
 from harness.tuning.cmaes import CmaEs
@@ -89,7 +89,7 @@ def tune(
     workers: int | None = None,
     out: str | Path | None = None,
     resume: bool = False,
-    progress: bool = False,
+    progress: Progress = False,
     **settings: float,
 ) -> Tuned:
     """Tune the numbers in a policy.
@@ -107,7 +107,8 @@ def tune(
         workers: threads of the tables engine; the numbers do not depend on it.
         out: a folder for ``config.json``, ``history.csv`` and ``result.json``; of a program also ``best.txt``.
         resume: go on with the run in ``out``, which must have been started with these same arguments.
-        progress: show a progress bar.
+        progress: True for a bar on a terminal, or a function that is called with the number of iterations finished
+            since its last call.
         settings: of the method (the fields of its class), such as ``epsilon`` or ``iterations``.
 
     Raises:
@@ -136,8 +137,7 @@ def tune(
     config = {"run": parameters, "versions": host.versions("numpy", "numba", "cma"), "engine": engine}
     kept = journal.Journal(subject.names, None if out is None else Path(out))
     kept.begin(config, resume)
-    hide = None if progress else True  # None: show it on a terminal only
-    with tqdm(desc=f"{method} from {brief(start)}", unit=" iterations", leave=False, disable=hide) as bar:
+    with Bar(progress, desc=f"{method} from {brief(start)}", unit=" iterations") as bar:
         played = Episodes(domain, subject, seed, horizon, measure, engine, workers)
 
         def show(theta: Vector, value: float) -> None:

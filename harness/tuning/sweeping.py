@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm.auto import tqdm
 
 from harness import engine as engines
 from harness import registry
 from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, Score, evaluate
+from harness.progress import Bar, Progress
 from harness.tuning.tunable import Tunable, index_of, tunable
 
 POINTS = 51
@@ -33,7 +34,7 @@ def sweep(
     horizon: int = HORIZON,
     engine: str = "auto",
     workers: int | None = None,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> pd.DataFrame:
     """Score a policy at many values of one of its numbers, on the same random numbers throughout.
 
@@ -50,7 +51,8 @@ def sweep(
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.
         workers: threads of the tables engine.
-        progress: show a progress bar.
+        progress: True for a bar on a terminal, or a function that is called with the number of points finished since
+            its last call.
 
     Returns:
         One row a value: ``policy`` (its string), the number under its own name, and the fields of a Score. Each row is
@@ -72,14 +74,20 @@ def sweep(
     if wrong:  # the ends first: they are what the user gave
         raise HarnessError(f"{subject.names[k]} lies between {low:g} and {high:g}; {wrong[0]:g} is out of range")
     rows = []
-    hide = None if progress else True  # None: show it on a terminal only
-    for x in tqdm(values, desc=f"sweep of {subject.names[k]}", unit="point", leave=False, disable=hide):
-        theta = subject.start.copy()
-        theta[k] = x
-        result = evaluate(
-            domain, subject.policy(theta), episodes=episodes, seed=seed, horizon=horizon, engine=engine, workers=workers
-        )
-        rows.append({"policy": subject.text(theta), subject.names[k]: float(x), **result.score._asdict()})
+    played: dict[str, Any] = {
+        "episodes": episodes,
+        "seed": seed,
+        "horizon": horizon,
+        "engine": engine,
+        "workers": workers,
+    }
+    with Bar(progress, len(values), desc=f"sweep of {subject.names[k]}", unit="point") as bar:
+        for x in values:
+            theta = subject.start.copy()
+            theta[k] = x
+            score = evaluate(domain, subject.policy(theta), **played).score
+            rows.append({"policy": subject.text(theta), subject.names[k]: float(x), **score._asdict()})
+            bar.update()
     return pd.DataFrame(rows, columns=["policy", subject.names[k], *Score._fields])
 
 
