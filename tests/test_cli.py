@@ -246,6 +246,24 @@ def test_the_words_of_evolutions_parameters_are_those_that_there_are():
     assert tuple(operators.MUTATIONS) == parameters.MUTATIONS
 
 
+@pytest.mark.parametrize(
+    ("line", "completed"),
+    [
+        ("harness comp", ["compare "]),
+        ("harness compare --epi", ["--episodes "]),
+        ("harness compare bordercross-7x8-", ["bordercross-7x8-random "]),
+        ("harness solve bordercross-7x8 native", ["native-sarsop "]),
+    ],
+)
+def test_a_shell_completes(tmp_path, line, completed):
+    """Asked as argcomplete's shell function asks."""
+    pytest.importorskip("argcomplete")
+    out = tmp_path / "out"
+    asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": "\n"}
+    run(env={**os.environ, **asked, "_ARGCOMPLETE_STDOUT_FILENAME": str(out)})
+    assert out.read_text().split("\n") == completed
+
+
 def test_the_version_is_the_installed_packages(capsys):
     with pytest.raises(SystemExit):
         main(["--version"])

@@ -10,9 +10,17 @@ from harness.errors import HarnessError, quoted
 
 def domain_argument(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
     """The positional argument DOMAIN."""
-    parser.add_argument(
+    argument = parser.add_argument(
         "domain", nargs=nargs, metavar="DOMAIN", help="a named domain, a snapshot (.npz) or a Julia file (.jl)"
     )
+    argument.completer = _domains  # type: ignore[attr-defined]  # where argcomplete looks
+
+
+def _domains(**_: object) -> list[str]:
+    """What a shell may complete DOMAIN to."""
+    from harness import registry
+
+    return registry.names()
 
 
 def episode_arguments(parser: argparse.ArgumentParser) -> None:
