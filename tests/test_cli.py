@@ -161,6 +161,13 @@ def test_show_draws_bordercross(capsys, domain):
     assert out.count("X >") >= 7
 
 
+def test_escape_sequences_of_a_program_do_not_reach_the_terminal(capsys, tmp_path):
+    (tmp_path / "p.txt").write_text("# \x1b]0;title\x07\nright()\n\x1b]0;title\x07")
+    error = misuse(capsys, "show", "rocksample-7x8", f"program:{tmp_path / 'p.txt'}")
+    assert "line 3, column 1: " in error
+    assert error[:-1].isprintable()
+
+
 def test_check_domain_passes(capsys):
     assert main(["check-domain", "bordercross-7x8-random", "--engine", "tables"]) == 0
     assert "all checks passed" in capsys.readouterr().out
