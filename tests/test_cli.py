@@ -161,6 +161,13 @@ def test_show_draws_bordercross(capsys, domain):
     assert out.count("X >") >= 7
 
 
+def test_escape_sequences_of_a_program_do_not_reach_the_terminal(capsys, tmp_path):
+    (tmp_path / "p.txt").write_text("# \x1b]0;title\x07\nright()\n\x1b]0;title\x07")
+    error = misuse(capsys, "show", "rocksample-7x8", f"program:{tmp_path / 'p.txt'}")
+    assert "line 3, column 1: " in error
+    assert error[:-1].isprintable()
+
+
 def test_check_domain_passes(capsys):
     assert main(["check-domain", "bordercross-7x8-random", "--engine", "tables"]) == 0
     assert "all checks passed" in capsys.readouterr().out
@@ -244,6 +251,24 @@ def test_the_words_of_evolutions_parameters_are_those_that_there_are():
     assert tuple(initialisation.METHODS) == parameters.INITIALISATIONS
     assert tuple(operators.CROSSOVERS) == parameters.CROSSOVERS
     assert tuple(operators.MUTATIONS) == parameters.MUTATIONS
+
+
+@pytest.mark.parametrize(
+    ("line", "completed"),
+    [
+        ("harness comp", ["compare "]),
+        ("harness compare --epi", ["--episodes "]),
+        ("harness compare bordercross-7x8-", ["bordercross-7x8-random "]),
+        ("harness solve bordercross-7x8 native", ["native-sarsop "]),
+    ],
+)
+def test_a_shell_completes(tmp_path, line, completed):
+    """Asked as argcomplete's shell function asks."""
+    pytest.importorskip("argcomplete")
+    out = tmp_path / "out"
+    asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": "\n"}
+    run(env={**os.environ, **asked, "_ARGCOMPLETE_STDOUT_FILENAME": str(out)})
+    assert out.read_text().split("\n") == completed
 
 
 def test_the_version_is_the_installed_packages(capsys):

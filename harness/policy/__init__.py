@@ -23,6 +23,9 @@ from harness.solver.solution import read
 
 __all__ = ["Policy", "check_from_data", "default_specs", "make", "make_from_data", "named", "specs"]
 
+MOST_SIMULATIONS = 1_000_000
+"""What ``rollout`` simulates of each action at most."""
+
 SOLVED = ("qmdp", "sarsop", "native-sarsop")
 EVOLVED = {"ge": "evolved by the paper's grammar", "ge-feedback": "evolved by a grammar with feedback"}
 """Programs of our own runs, kept with the package where there is one for a domain."""
@@ -64,8 +67,10 @@ def _threshold(text: str, what: str) -> float:
 
 
 def _rollout(domain: Domain, text: str) -> Policy:
-    if not text.isdecimal() or int(text) < 1:
-        raise PolicyError(f"rollout takes a number of simulations an action, 1 or more, not {quoted(text)}")
+    if not text.isdecimal() or not 1 <= int(text[:8]) <= MOST_SIMULATIONS:
+        raise PolicyError(
+            f"rollout takes a number of simulations an action, from 1 to {MOST_SIMULATIONS:,}, not {quoted(text)}"
+        )
     return RolloutPolicy(domain, int(text))
 
 
@@ -80,9 +85,9 @@ def _program(domain: Domain, text: str) -> Policy:
         raise PolicyError("program needs a file: program:FILE, a script in the program language")
     try:
         source = Path(text).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise PolicyError(f"cannot read {text}: {why}") from None
+        raise PolicyError(f"cannot read {quoted(Path(text))}: {why}") from None
     return ProgramPolicy(parse(source, words_of(domain), source=text))
 
 
