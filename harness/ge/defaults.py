@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from harness import registry
@@ -28,7 +29,7 @@ def grammar_for(domain: Domain, name: str | Path | None) -> Grammar:
             return bnf.parse(_of_words(domain), f"grammar of {domain.name}")
         return bnf.read(registry.grammar_path(shipped))
     path = Path(name)
-    if path.suffix == ".bnf" or path.exists():
+    if path.suffix == ".bnf" or os.path.exists(path):  # Path.exists fails on names that no file can have
         return bnf.read(path)
     folder = registry.grammar_path("").parent
     known = sorted(p.stem for p in folder.glob("*.bnf"))

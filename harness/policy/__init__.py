@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness import registry
-from harness.errors import PolicyError, nearest
+from harness import files, registry
+from harness.errors import PolicyError, nearest, quoted
 from harness.model.domain import Domain
 from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
 from harness.policy.program import ProgramPolicy, stored_program
-from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
+from harness.policy.rollout import SIMULATIONS_DEFAULT, SIMULATIONS_MOST, RolloutPolicy
 from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
 from harness.policy.thresholds import ThresholdsPolicy
 from harness.policy.thresholds import parse as parse_thresholds
@@ -63,8 +63,10 @@ def _threshold(text: str, what: str) -> float:
 
 
 def _rollout(domain: Domain, text: str) -> Policy:
-    if not text.isdecimal() or int(text) < 1:
-        raise PolicyError(f"rollout takes a number of simulations an action, 1 or more, not '{text}'")
+    if not text.isdecimal() or len(text) > 9 or not 1 <= int(text) <= SIMULATIONS_MOST:
+        raise PolicyError(
+            f"rollout takes a number of simulations an action, 1 to {SIMULATIONS_MOST:,}, not {quoted(text)}"
+        )
     return RolloutPolicy(domain, int(text))
 
 
@@ -77,11 +79,7 @@ def _from_file(domain: Domain, text: str) -> Policy:
 def _program(domain: Domain, text: str) -> Policy:
     if not text:
         raise PolicyError("program needs a file: program:FILE, a script in the program language")
-    try:
-        source = Path(text).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise PolicyError(f"cannot read {text}: {why}") from None
+    source = files.read_text(Path(text), PolicyError)
     return ProgramPolicy(parse(source, words_of(domain), source=text))
 
 

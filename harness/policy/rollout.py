@@ -12,6 +12,8 @@ from harness.model.tables import Records, Tables, compiled, draw_outcome, inline
 from harness.policy.base import Stateless
 
 SIMULATIONS_DEFAULT = 100
+SIMULATIONS_MOST = 1_000_000
+"""Simulations an action that a policy string may ask for: a step then takes minutes, in which no Ctrl-C is heard."""
 
 
 class RolloutPolicy(Stateless):
