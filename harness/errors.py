@@ -5,7 +5,6 @@ What a message echoes of the user's own text goes through :func:`quoted`; :func:
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Iterable
 
@@ -37,9 +36,15 @@ class JuliaError(HarnessError):
 
 
 def quoted(value: object) -> str:
-    """The user's own text or value as a message quotes it: short, printable, on one line; a text in quotation marks."""
-    if isinstance(value, (str, os.PathLike)):
-        return f"'{_short(os.fspath(value))}'"
+    """The user's own text or value as a message quotes it: short, printable, on one line; a text in quotation marks.
+
+    Of a long text the beginning is kept, of a long path (a :class:`~pathlib.Path`) the end.
+    """
+    if isinstance(value, os.PathLike):
+        text = printable(str(value)[-LONGEST_QUOTE - 1 :])
+        return f"'{text}'" if len(text) <= LONGEST_QUOTE else f"'… {text[2 - LONGEST_QUOTE :]}'"
+    if isinstance(value, str):
+        return f"'{_short(value)}'"
     try:
         return _short(repr(value))
     except (ValueError, RecursionError):  # a number of thousands of digits, an endless nesting
@@ -69,5 +74,7 @@ def printable(text: str) -> str:
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """End of an error message: ``; did you mean 'x'?`` where a known word is close, else nothing."""
+    import difflib  # here, where it is needed: commands that go well start without it
+
     close = difflib.get_close_matches(word[:LONGEST_QUOTE], list(known), n=1)
     return f"; did you mean '{close[0]}'?" if close else ""

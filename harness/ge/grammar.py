@@ -172,7 +172,7 @@ def read(path: Path) -> Grammar:
     Raises:
         GrammarError: the file cannot be read or is no usable grammar.
     """
-    return parse(files.read_text(path, GrammarError), str(path))
+    return parse(files.read_source(path, GrammarError), str(path))
 
 
 def parse(text: str, source: str = "grammar") -> Grammar:

@@ -1,28 +1,38 @@
-"""The public conformance check: is a domain well formed, and does an engine step it by the contract?"""
+"""The public conformance checks: is a domain well formed, does an engine step it by the contract, is a policy one?"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness import engine as engines
+from harness import policy as policies
 from harness import registry
 from harness.engine.batch import Batch
-from harness.errors import HarnessError
+from harness.errors import HarnessError, printable
 from harness.model import validation
 from harness.model.domain import Domain
+from harness.model.tables import STOP
 from harness.play.evaluation import HORIZON, simulate
+from harness.policy import Policy
+from harness.policy.base import copied
 from harness.policy.simple import RandomPolicy
 
 _TOLERANCE = 1e-9
 
 
 class ConformanceError(HarnessError):
-    """A domain or an engine breaks the contract; the message lists every breach found."""
+    """A domain, an engine or a policy breaks the contract; the message lists every breach found."""
+
+    def __str__(self) -> str:
+        """All of the list, however long."""
+        return printable(self.args[0])
 
 
 def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500, seed: int = 0) -> None:
@@ -142,3 +152,82 @@ def _predicted(d: Domain, batch: Batch, actions: NDArray[np.int32], alive: NDArr
                         weight * t.outcome_probability[j] * t.observation_probability[t.outcome_observation[j]]
                     )
     return predicted
+
+
+class _Way(NamedTuple):
+    """How episodes are cut into batches and played."""
+
+    batch: int
+    threads: int
+    batches: int
+    """At most so many."""
+
+    def __str__(self) -> str:
+        return f"{self.batch}" + (f" on {self.threads} threads" if self.threads > 1 else "")
+
+
+_SMALL = 20  # batches: a small one takes as long as a large one
+_MEND = "keep what is remembered in arrays made in reset(batch), draw by batch.uniform(), share nothing between copies"
+
+
+def check_policy(
+    policy: Policy | str, domain: Domain | str, episodes: int = 1000, seed: int = 0, horizon: int = HORIZON
+) -> None:
+    """Check that a policy acts alike however its episodes are played, so that its score is one number.
+
+    Fresh copies of it play the same episodes all in one batch, twice, the first of them in batches of 7 and of 1,
+    and all in quarters, one after the other and on four threads: every action must be the same. And an episode that
+    the policy has left (by −1) must stay left. The object given stays as it is.
+
+    Args:
+        policy: any object with ``reset`` and ``act`` on batches, or a policy string.
+        domain: a domain or its name.
+        episodes: how many; fewer for a policy that takes long over a decision.
+        seed: of the episodes.
+        horizon: steps after which an episode is cut.
+
+    Raises:
+        ConformanceError: with every way of playing that gave other actions.
+        PolicyError: the policy is unknown, cannot be copied, or returned something that is no action.
+    """
+    domain = registry.load(domain) if isinstance(domain, str) else domain
+    name, made = policies.named(policy, domain)
+    copied(made)
+    whole = _actions(domain, made, _Way(episodes, 1, 1), episodes, seed, horizon)
+    left = (whole[:-1] == STOP) & (whole[1:] != STOP)
+    if left.any():
+        raise ConformanceError(f"{name} goes on in episode {left.any(axis=0).argmax()}, which it had left by {STOP}")
+    breaches = list(_check_ways(domain, made, whole, seed))
+    if breaches:
+        raise ConformanceError(f"{name} acts otherwise in batches of {', '.join(breaches)}: {_MEND}")
+
+
+def _check_ways(d: Domain, policy: Policy, whole: NDArray[np.int32], seed: int) -> Iterator[str]:
+    horizon, episodes = whole.shape
+    quarter = -(-episodes // 4)
+    small = (_Way(7, 1, _SMALL), _Way(1, 1, _SMALL), _Way(7, 4, _SMALL))
+    for way in (_Way(episodes, 1, 1), *small, _Way(quarter, 1, 4), _Way(quarter, 4, 4)):
+        try:
+            played = _actions(d, policy, way, episodes, seed, horizon)
+        except Exception as error:  # whatever the policy's own code raises
+            yield f"{way} (a {type(error).__name__})"
+            continue
+        differ = (played != whole[:, : played.shape[1]]).any(axis=0)
+        if differ.any():
+            yield f"{way} ({differ.sum()} of {len(differ)})"
+
+
+def _actions(d: Domain, policy: Policy, way: _Way, episodes: int, seed: int, horizon: int) -> NDArray[np.int32]:
+    """(horizon, E) actions in the first E episodes, as many as the way has batches for; STOP after the end."""
+    firsts = range(0, episodes, way.batch)[: way.batches]
+    played = np.full((horizon, min(episodes, way.batch * way.batches)), STOP, dtype=np.int32)
+
+    def play(first: int) -> None:
+        part = played[:, first : first + way.batch]
+        for step, record in enumerate(simulate(d, policy, "tables", seed, first, part.shape[1], horizon)):
+            if record.actions is not None:
+                part[step - 1] = np.where(record.active, record.actions, STOP)
+
+    with ThreadPoolExecutor(way.threads) as pool:
+        list(pool.map(play, firsts))
+    return played

@@ -16,6 +16,14 @@ TIE = 1e-9
 products differ in their last bits between machines and batch sizes, and no decision may hang on that."""
 
 
+class _Vectors(dict[int, tuple[NDArray[np.intp], NDArray[np.float64]]]):
+    """By visible value: numbers of its alpha vectors (n,), and these (H, n). Megabytes that nobody writes to."""
+
+    def __deepcopy__(self, memo: object) -> _Vectors:
+        """Itself: copies of a policy share them."""
+        return self
+
+
 class AlphaVectorPolicy(Stateless):
     """Acts by the alpha vector of the present visible value that promises most under the joint belief.
 
@@ -27,7 +35,9 @@ class AlphaVectorPolicy(Stateless):
         visible = solution.arrays["visible"]
         values = solution.arrays["values"].astype(np.float64)
         self._actions = solution.arrays["actions"]
-        self._vectors = {int(v): (rows := np.flatnonzero(visible == v), values[rows].T) for v in np.unique(visible)}
+        self._vectors = _Vectors(
+            (int(v), (rows := np.flatnonzero(visible == v), values[rows].T)) for v in np.unique(visible)
+        )
         self.record = solution.record
 
     def act(self, batch: Batch) -> NDArray[np.int32]:

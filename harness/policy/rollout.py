@@ -12,8 +12,6 @@ from harness.model.tables import Records, Tables, compiled, draw_outcome, inline
 from harness.policy.base import Stateless
 
 SIMULATIONS_DEFAULT = 100
-SIMULATIONS_MOST = 1_000_000
-"""Simulations an action that a policy string may ask for: a step then takes minutes, in which no Ctrl-C is heard."""
 
 
 class RolloutPolicy(Stateless):
@@ -40,7 +38,7 @@ class RolloutPolicy(Stateless):
         seeds = (batch.uniform() * 2.0**53).astype(np.uint64)
         domain = batch.domain
         _rollout_act(
-            domain.tables, domain.discount, self.simulations, self.horizon, batch.visible, batch.marginals, batch.done,
+            domain.tables, domain.discount, self.simulations, self.horizon, batch.visible, batch.tracked(), batch.done,
             seeds, actions,
         )  # fmt: skip
         return actions

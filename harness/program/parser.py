@@ -7,7 +7,7 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from harness.errors import PolicyError
+from harness.errors import PolicyError, quoted
 from harness.program.compiled import Program
 from harness.program.words import ACT, AGAIN, AND, BELIEF, ELSE, IF, INSTRUCTION, NOT, OR, WHILE, Words, instruction
 
@@ -121,7 +121,7 @@ class _Parser:
                 tokens.append(_Token(kind if kind in ("simple", "atom") else text, text, end))
             end = match.end()
         if end != len(self.text):
-            self.fail(end, f"'{self.text[end]}' cannot stand here")
+            self.fail(end, f"{quoted(self.text[end])} cannot stand here")
         tokens.append(_Token("end", "the end", end))
         return tokens
 
@@ -181,9 +181,9 @@ class _Parser:
             self.fail(at, str(error))
         is_action = packed[:2] == _ACT_BYTES
         if want_action and not is_action:
-            self.fail(at, f"'{text}' is a condition; write if({text}) and an operation")
+            self.fail(at, f"{quoted(text)} is a condition; write if(…) and an operation")
         if not want_action and is_action:
-            self.fail(at, f"'{text}' is an operation, where a condition is needed")
+            self.fail(at, f"{quoted(text)} is an operation, where a condition is needed")
         return packed
 
     def if_statement(self) -> None:
@@ -288,7 +288,7 @@ class _Parser:
         return token
 
     def expected(self, what: str, token: _Token) -> NoReturn:
-        found = token.text if token.kind == "end" else f"'{token.text}'"
+        found = token.text if token.kind == "end" else quoted(token.text)
         hint = ""
         if token.kind not in (*_KEYWORDS, *"(){}", "atom", "simple", "end"):
             hint = f"; operations are written with parentheses, as in {next(iter(self.words.actions))}"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import PolicyError, nearest
+from harness.errors import PolicyError, nearest, quoted
 from harness.model.domain import Domain
 
 ACT, IF, ELSE, WHILE, AGAIN, NOT, AND, OR, BELIEF, VISIBLE, READING, REGISTER = range(12)
@@ -85,7 +85,7 @@ class Words:
         if name in self.actions:
             return instruction(ACT, self.actions[name])
         if name in self.beliefs or name in self.visible or name == self.reading:
-            raise PolicyError(f"'{name}' is no operation: compare it, as in if({name} > …)")
+            raise PolicyError(f"{quoted(name)} is no operation: compare it, as in if({name} > …)")
         raise PolicyError(self._unknown("operation", name, self.actions))
 
     def _test(self, test: re.Match[str]) -> bytes:
@@ -102,7 +102,7 @@ class Words:
             known = [*sources, *(f'{i} == "…"' for i in self.checks)]
             raise PolicyError(self._unknown("quantity", left, known))
         if test["number"] is None:
-            raise PolicyError(f"{left} is compared with a number, not with '{label}'")
+            raise PolicyError(f"{left} is compared with a number, not with {quoted(label)}")
         if float(test["number"]) > _LARGEST_NUMBER:
             raise PolicyError(f"{left} is compared with a number above {_LARGEST_NUMBER:g}; take a smaller one")
         column = {**self.beliefs, **self.visible}.get(left, 0)
@@ -119,7 +119,7 @@ class Words:
     def _unknown(self, what: str, word: str, known: Iterable[str]) -> str:
         words = list(known)
         shown = " ".join(words[:20]) + (" …" if len(words) > 20 else "")
-        return f"{self.domain.name} knows no {what} '{word}'{nearest(word, words)} (known: {shown})"
+        return f"{self.domain.name} knows no {what} {quoted(word)}{nearest(word, words)} (known: {shown})"
 
 
 def words_of(domain: Domain) -> Words:
