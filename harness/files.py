@@ -83,21 +83,21 @@ def clear(folder: Path, name: str | None = None) -> None:
             left.unlink()
 
 
-LARGEST_TEXT = 2**20
+LARGEST_SOURCE = 2**20
 """Bytes of a program or a grammar, 1 MiB."""
 
 
 def read_source(path: Path, kind: type[HarnessError] = HarnessError) -> str:
-    """A UTF-8 text of a user's, of :data:`LARGEST_TEXT` at most; what is longer, or has no end, is not read on.
+    """A UTF-8 text of a user's, of :data:`LARGEST_SOURCE` at most; what is longer, or has no end, is not read on.
 
     Raises:
         HarnessError: of the given kind; it cannot be read, is no UTF-8 text or too long.
     """
     try:
         with path.open("rb") as file:
-            text = file.read(LARGEST_TEXT + 1)
-        if len(text) > LARGEST_TEXT:
-            raise kind(f"cannot read {path}: it is longer than {LARGEST_TEXT:,} bytes")
+            text = file.read(LARGEST_SOURCE + 1)
+        if len(text) > LARGEST_SOURCE:
+            raise kind(f"cannot read {path}: it is longer than {LARGEST_SOURCE:,} bytes")
         return text.decode().replace("\r\n", "\n").replace("\r", "\n")
     except OSError as error:
         raise kind(f"cannot read {path}: {error.strerror}") from None

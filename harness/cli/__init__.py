@@ -51,7 +51,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str] | None) -> int:
     try:
-        options = _parser().parse_args(arguments)
+        parser, words = _parser(), sys.argv[1:] if arguments is None else arguments
+        for word in words:
+            if word.startswith("--") and word.endswith("=--"):  # argparse would take that for an empty list
+                parser.error(f"{word[:-3]} needs a value, not '--'")
+        options = parser.parse_args(words)
         return int(options.run(options) or 0)
     finally:
         print(end="", flush=True)  # here, where a reader that has gone is still no error
