@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: table test check lint format docs notebooks bench clean
+.PHONY: table test check lint format docs notebooks bench fuzz clean
 
 table: $(VENV)/.installed
 	$(BIN)/harness compare rocksample-7x8 --engine tables
@@ -39,6 +39,9 @@ bench: $(VENV)/.installed-dev
 	$(BIN)/pip install -q -e '.[bench]'
 	$(BIN)/python benchmarks/steps.py
 	$(BIN)/python -m benchmarks.evolution
+
+fuzz: $(VENV)/.installed-dev # hostile inputs: files, texts, command lines
+	$(BIN)/python -m tests.fuzz --count 100000
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

@@ -83,6 +83,28 @@ def clear(folder: Path, name: str | None = None) -> None:
             left.unlink()
 
 
+LARGEST_SOURCE = 2**20
+"""Bytes of a program or a grammar, 1 MiB."""
+
+
+def read_source(path: Path, kind: type[HarnessError] = HarnessError) -> str:
+    """A UTF-8 text of a user's, of :data:`LARGEST_SOURCE` at most; what is longer, or has no end, is not read on.
+
+    Raises:
+        HarnessError: of the given kind; it cannot be read, is no UTF-8 text or too long.
+    """
+    try:
+        with path.open("rb") as file:
+            text = file.read(LARGEST_SOURCE + 1)
+        if len(text) > LARGEST_SOURCE:
+            raise kind(f"cannot read {path}: it is longer than {LARGEST_SOURCE:,} bytes")
+        return text.decode().replace("\r\n", "\n").replace("\r", "\n")
+    except OSError as error:
+        raise kind(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise kind(f"cannot read {path}: it is no UTF-8 text") from None
+
+
 def replace_text(path: Path, text: str) -> None:
     """Write a text file atomically, UTF-8."""
     with replacing(path) as file:

@@ -139,6 +139,36 @@ class TestInitialisation:
         assert full == sorted(full)
         assert full[-1] == 40
 
+    @pytest.mark.parametrize("method", [GROW, FULL, POSITION_INDEPENDENT])
+    def test_trees_that_double_stay_within_their_size(self, method):
+        """A full tree of 50 levels would have 2^50 leaves."""
+        grammar = bnf.parse("<code> ::= <code> <code> | right()")
+        made = [tree(grammar, 0, 50, method, 1000, np.random.default_rng(seed)) for seed in range(20)]
+        sizes = [len(derive(grammar, codons).nodes) for codons in made]
+        assert max(sizes) <= bnf.LARGEST_TREE
+        if method == FULL:
+            assert min(sizes) >= bnf.LARGEST_TREE - 2
+
+    @pytest.mark.parametrize(("levels", "what"), [(60, "no finite derivation"), (14, "no derivation of under 10,000")])
+    def test_rules_that_only_double_are_refused(self, levels, what):
+        doubling = "".join(f"<r{i}> ::= <r{i + 1}> <r{i + 1}>\n" for i in range(levels))
+        with pytest.raises(GrammarError, match=f"line 2, .*<r0> has {what}"):
+            bnf.parse(f"<code> ::= right() | <r0>\n{doubling}<r{levels}> ::= right() | left()\n")
+
+    def test_a_derivation_that_grows_without_codons_is_invalid(self):
+        """Rules with one production take no codon: 8,191 non-terminals come of each codon here."""
+        doubling = "".join(f"<r{i}> ::= <r{i + 1}> <r{i + 1}>\n" for i in range(12))
+        grammar = bnf.parse(f"<code> ::= x | <r0> <code>\n{doubling}<r12> ::= y\n")
+        assert derive(grammar, np.array([1] * 300 + [0], dtype=np.int32)).phenotype is None
+        assert derive(grammar, np.array([1, 0], dtype=np.int32)).phenotype == "y " * 4096 + "x"
+
+    def test_a_phenotype_of_long_terminals_is_invalid(self):
+        grammar = bnf.parse(f"<a> ::= {'x' * 500_000} <a> | y")
+        assert derive(grammar, np.zeros(30, dtype=np.int32)).phenotype is None
+        short = derive(grammar, np.array([0, 0, 1], dtype=np.int32)).phenotype
+        assert short is not None
+        assert len(short) == 1_000_003
+
 
 class TestReader:
     def test_the_usual_dialect(self):
@@ -187,6 +217,52 @@ class TestReader:
         arrays = bnf.parse(EXPRESSION).arrays
         assert arrays.depth.tolist() == [3, 3, 2, 1, 1, 1]
         assert arrays.recursive.tolist() == [True, True, False, False, False, False]
+
+    @settings(max_examples=200, deadline=None)
+    @given(st.lists(st.lists(st.lists(st.integers(-1, 5), max_size=3), min_size=1, max_size=3), min_size=1, max_size=6))
+    def test_depths_sizes_and_recursion_against_slow_ways(self, rules):
+        """Rounds over all productions until nothing changes; a search for a way back from every symbol."""
+        rules = [[[s for s in p if s < len(rules)] for p in alternatives] for alternatives in rules]
+        productions = [(r, p) for r, alternatives in enumerate(rules) for p in alternatives]
+        depth, size = [np.inf] * len(rules), [np.inf] * len(rules)
+        for _ in range(len(productions) + 1):
+            for r, p in productions:
+                depth[r] = min(depth[r], 1 + max((depth[s] for s in p if s >= 0), default=0))
+                size[r] = min(size[r], 1 + sum(size[s] for s in p if s >= 0))
+
+        def leads(s, goal, seen):
+            if s == goal:
+                return True
+            new = {t for p in rules[s] for t in p if t >= 0} - seen
+            return any(leads(t, goal, seen | new) for t in new)
+
+        names = [f"<r{i}>" for i in range(len(rules))]
+        spelled = [[bnf.Production(r, tuple(p), 1)] for r, p in productions]
+        grammar = bnf.Grammar("g", "", tuple(names), ("x",), tuple(p for each in spelled for p in each))
+        for i, (r, p) in enumerate(productions):
+            symbols = [s for s in p if s >= 0]
+            expected = 1 + max((depth[s] for s in symbols), default=0), 1 + sum(size[s] for s in symbols)
+            found = [np.inf if n >= bnf.ENDLESS else n for n in (grammar._depths[i], grammar._sizes[i])]
+            assert tuple(found) == expected
+            assert grammar._recursive[i] == any(leads(s, r, {s}) for s in symbols)
+
+    def test_too_many_alternatives_are_refused(self):
+        text = "<a> ::= " + " | ".join(["x"] * (bnf.MOST_PRODUCTIONS + 1))
+        with pytest.raises(GrammarError, match="10,001 alternatives; a grammar has 10,000 at most"):
+            bnf.parse(text)
+
+    def test_a_long_chain_of_rules_is_a_grammar(self, rocksample):
+        """Far deeper than Python calls itself."""
+        chain = "".join(f"<r{i}> ::= <r{i + 1}>\n" for i in range(1500)) + "<r1500> ::= up() | jump()\n"
+        with pytest.raises(GrammarError, match=r"line 1501: .*'jump\(\)'"):
+            check_language(bnf.parse(chain, "my.bnf"), words_of(rocksample))
+
+    def test_a_text_without_end_is_not_read_on(self, tmp_path):
+        (tmp_path / "long.bnf").write_text("#" * (2**20 + 1))
+        with pytest.raises(GrammarError, match=r"long\.bnf: it is longer than 1,048,576 bytes"):
+            bnf.read(tmp_path / "long.bnf")
+        with pytest.raises(harness.HarnessError, match="/dev/zero: it is longer"):
+            harness.evaluate("rocksample-7x8", "program:/dev/zero", episodes=1)
 
     def test_a_grammar_of_another_language_is_refused(self, rocksample):
         text = "<code> ::= <line> | <code> <line>\n<line> ::= up() | jump()\n"

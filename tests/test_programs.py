@@ -348,3 +348,41 @@ def test_a_policy_may_stop(rocksample):
     assert result.returns.tolist() == [0, 10] * 5
     assert result.steps.tolist() == [0, 7] * 5
     assert result.terminated.tolist() == [False, True] * 5
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("right()" + " " * 50_000 + "?", "column 50008: '\\?' cannot stand here"),
+        ("right()" + " " * 50_000 + "else", "'else' has no 'if' before it"),
+        ("a" * 100_000, "an operation, if, while or a block is expected here, not 'a{50}"),
+        ("right(" * 20_000, "an operation, if, while or a block is expected here"),
+        ("if(belief(1) > " + "9" * 5000 + ") right()", "compared with a number above 1e\\+09"),
+        ("check(" + "1" * 5000 + ")", "knows no operation 'check"),
+        ("\x1b[31mright()", r"'\\x1b' cannot stand here"),
+        ('if(1 == "\x1b[31m") right()', r"knows no reading '\\x1b"),
+    ],
+)
+def test_hostile_texts_are_refused_in_one_printable_sentence(rocksample, text, words):
+    """Some of them took minutes: every place was looked at from every other."""
+    with pytest.raises(ProgramError, match=words) as error:
+        parse(text, words_of(rocksample))
+    assert len(str(error.value)) < 300
+    assert str(error.value).isprintable()
+
+
+def test_a_long_comment_and_long_blanks_are_nothing(rocksample):
+    words = words_of(rocksample)
+    text = "right()\n#" + "x" * 50_000 + "\n" + " " * 50_000 + "up()" + "\n" * 50_000
+    assert parse(text, words).text == "right()\nup()\n"
+    assert parse("# no statement but this:\nup()", words).text == "up()\n"
+
+
+def test_registers_follow_the_names_of_the_checks(rocksample):
+    """check(01) is a name like any other, and keeps its own reading."""
+    from dataclasses import replace
+
+    odd = replace(rocksample, actions=(*rocksample.actions[:-1], "check(08)"))
+    words = words_of(odd)
+    assert words.checks["08"] == words.register[-1] == 7
+    assert parse('if(08 == "good") check(08)', words).text == 'if(08 == "good") check(08)\n'

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from harness.errors import HarnessError, quoted
 
-_DIGITS = 30  # more digits than any limit has
+_MOST = 2**61 - 1
+"""Of every whole number: the greatest seed that meets no episode of training (:mod:`harness.engine.rng`)."""
 
 
 def domain_argument(parser: argparse.ArgumentParser, *, resumable: bool = False, several: bool = False) -> None:
@@ -57,8 +58,8 @@ def positive(text: str) -> int:
 
 
 def _whole(text: str, least: int) -> int:
-    if not text.isdecimal() or len(text) > _DIGITS or int(text) < least:
-        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a whole number, {least} or more")
+    if not text.isdecimal() or len(text) > len(str(_MOST)) or not least <= int(text) <= _MOST:
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a whole number from {least} to {_MOST:,}")
     return int(text)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -77,46 +78,44 @@ def check_language(grammar: Grammar, words: Words) -> None:
     deepest = int(least.max())
     simple_first = np.argsort(least, kind="stable").tolist()  # so that the message names the production at fault
     for depth in (1, deepest + 2, deepest + 6):
+        around = _surroundings(grammar, depth, generator)
         for number in simple_first:
-            text = _expand(grammar, 0, _way_to(grammar, number), depth, generator)
+            production = grammar.productions[number]
+            before, after = around[production.rule]
+            text = before + _spell(grammar, production.symbols, depth, generator) + after
             try:
                 parse(text, words, source="a sentence of it")
             except ProgramError as error:
                 raise GrammarError(
-                    f"{grammar.source}, line {grammar.productions[number].line}: a sentence of the grammar, "
+                    f"{grammar.source}, line {production.line}: a sentence of the grammar, "
                     f"{quoted(text)}, is no program of {words.domain.name} ({error})"
                 ) from None
 
 
-def _way_to(grammar: Grammar, production: int) -> list[int]:
-    """Productions on a shortest way from the start symbol to a production, which is the last."""
-    ways: dict[int, list[int]] = {0: []}
-    waiting = [0]
-    target = grammar.productions[production].rule
-    while target not in ways:
-        rule = waiting.pop(0)
-        for i, p in enumerate(grammar.productions):
-            if p.rule == rule:
-                for symbol in p.symbols:
-                    if symbol >= 0 and symbol not in ways:
-                        ways[symbol] = [*ways[rule], i]
-                        waiting.append(symbol)
-    return [*ways[target], production]
+def _surroundings(grammar: Grammar, depth: int, generator: np.random.Generator) -> dict[int, tuple[str, str]]:
+    """Of each rule, what stands before and after it in a sentence: the productions on a shortest way from the start
+    symbol, written out at random off the way."""
+    around = {0: ("", "")}
+    waiting = deque([0])
+    while waiting:
+        rule = waiting.popleft()
+        before, after = around[rule]
+        for i in grammar.productions_of[rule]:
+            symbols = grammar.productions[i].symbols
+            for at, symbol in enumerate(symbols):
+                if symbol >= 0 and symbol not in around:
+                    left, right = (
+                        _spell(grammar, part, depth, generator) for part in (symbols[:at], symbols[at + 1 :])
+                    )
+                    around[symbol] = before + left, right + after
+                    waiting.append(symbol)
+    return around
 
 
-def _expand(grammar: Grammar, rule: int, way: list[int], depth: int, generator: np.random.Generator) -> str:
-    """The sentence of a rule along a way of productions; random off the way."""
-    if not way:
-        codons = tree(grammar, rule, depth, GROW, 1000, generator)
-        return derive(grammar, codons, start=rule).phenotype or ""
-    production, rest = grammar.productions[way[0]], way[1:]
-    goal = grammar.productions[rest[0]].rule if rest else -1
-    text, on_way = "", True
-    for symbol in production.symbols:
-        if symbol < 0:
-            text += grammar.terminals[~symbol]
-        elif on_way and symbol == goal:
-            text, on_way = text + _expand(grammar, symbol, rest, depth, generator), False
-        else:
-            text += _expand(grammar, symbol, [], depth, generator)
-    return text
+def _spell(grammar: Grammar, symbols: tuple[int, ...], depth: int, generator: np.random.Generator) -> str:
+    """Symbols written out: terminals as they are, a random tree for each rule."""
+    return "".join(grammar.terminals[~s] if s < 0 else _random(grammar, s, depth, generator) for s in symbols)
+
+
+def _random(grammar: Grammar, rule: int, depth: int, generator: np.random.Generator) -> str:
+    return derive(grammar, tree(grammar, rule, depth, GROW, 1000, generator), start=rule).phenotype or ""

@@ -7,7 +7,11 @@ Blanks around an alternative do not count; inside one, any run of blanks and lin
 
 from __future__ import annotations
 
+import bisect
+import heapq
+import itertools
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +20,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import files
 from harness.errors import HarnessError, nearest
 
 _NAME = r"<[^<>|\s]+>"
@@ -23,6 +28,14 @@ _TOKEN = re.compile(
     rf"(?P<head>{_NAME}\s*::=)|(?P<name>{_NAME})|(?P<bar>\|)|(?P<quoted>\"[^\"\n]*\"|'[^'\n]*')|(?P<comment>#[^\n]*)"
     r"|(?P<blank>\s+)|(?P<wrong>::=|[\"']|<(?=[A-Za-z_]))|(?P<text>[^\s<|\"'#:]+|<|:)"
 )
+
+
+LARGEST_TREE = 10_000
+"""Non-terminals of a derivation tree that initialisation and mutation make, at most."""
+MOST_PRODUCTIONS = 10_000
+"""Alternatives of a grammar, all rules together."""
+ENDLESS = 2**40
+"""A size that stands for no end, or for none that a computer sees."""
 
 
 class GrammarError(HarnessError):
@@ -54,14 +67,18 @@ class Grammar:
     @cached_property
     def arrays(self) -> GrammarArrays:
         """The grammar as compiled code takes it."""
-        rule_first = np.searchsorted([p.rule for p in self.productions], np.arange(len(self.rules) + 1))
+        rule_first = np.array([0, *(productions.stop for productions in self.productions_of)])
         lengths = [len(p.symbols) for p in self.productions]
+        each = rule_first[:-1]
         return GrammarArrays(
             rule_first.astype(np.int32),
             np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32),
             np.array([s for p in self.productions for s in p.symbols], dtype=np.int32),
             self._depths.astype(np.int32),
             self._recursive,
+            self._sizes,
+            np.logical_or.reduceat(self._recursive, each),
+            np.minimum.reduceat(self._sizes, each),
         )
 
     @cached_property
@@ -74,24 +91,58 @@ class Grammar:
         return found
 
     @cached_property
-    def _depths(self) -> NDArray[np.float64]:
-        """(P,) fewest levels of a derivation tree under each production; infinite where it has no end."""
-        productions, rule = np.full(len(self.productions), np.inf), np.full(len(self.rules), np.inf)
-        for _ in range(len(self.rules) + 1):  # a shortest derivation passes no rule twice on its way down
-            for i, p in enumerate(self.productions):
-                productions[i] = 1 + max((rule[s] for s in p.symbols if s >= 0), default=0)
-                rule[p.rule] = min(rule[p.rule], productions[i])
-        return productions
+    def productions_of(self) -> tuple[range, ...]:
+        """Indices of each rule's productions."""
+        first = np.searchsorted([p.rule for p in self.productions], np.arange(len(self.rules) + 1)).tolist()
+        return tuple(itertools.starmap(range, itertools.pairwise(first)))
+
+    @cached_property
+    def _depths(self) -> NDArray[np.int64]:
+        """(P,) fewest levels of a derivation tree under each production."""
+        return self._least(lambda below: 1 + max(below, default=0))
+
+    @cached_property
+    def _sizes(self) -> NDArray[np.int64]:
+        """(P,) fewest non-terminals of a derivation tree under each production, its own rule included."""
+        return self._least(lambda below: 1 + sum(below))
+
+    def _least(self, total: Callable[[list[int]], int]) -> NDArray[np.int64]:
+        """(P,) least total of a tree under each production; :data:`ENDLESS` where it has no end, or next to none.
+
+        ``total`` of the numbers below must be above each of them: then rules are settled from the least one up, each
+        once (Knuth 1977).
+        """
+        users: list[list[int]] = [[] for _ in self.rules]
+        open_symbols, below = [], [[s for s in p.symbols if s >= 0] for p in self.productions]
+        for i, symbols in enumerate(below):
+            open_symbols.append(len(symbols))
+            for s in symbols:
+                users[s].append(i)
+        found, settled = np.full(len(self.productions), ENDLESS), [ENDLESS] * len(self.rules)
+        waiting = [(total([]), i) for i, count in enumerate(open_symbols) if count == 0]
+        while waiting:
+            least, i = heapq.heappop(waiting)
+            found[i] = least
+            rule = self.productions[i].rule
+            if settled[rule] == ENDLESS:
+                settled[rule] = least
+                for user in users[rule]:
+                    open_symbols[user] -= 1
+                    if open_symbols[user] == 0:
+                        heapq.heappush(waiting, (min(total([settled[s] for s in below[user]]), ENDLESS), user))
+        return found
 
     @cached_property
     def _recursive(self) -> NDArray[np.bool_]:
-        """(P,) whether a production can lead back to its own rule."""
-        reach = np.zeros((len(self.rules), len(self.rules)), dtype=np.bool_)
-        for p in self.productions:
-            reach[p.rule, [s for s in p.symbols if s >= 0]] = True
-        for k in range(len(self.rules)):
-            reach |= reach[:, [k]] & reach[[k], :]
-        return np.array([any(s == p.rule or reach[s, p.rule] for s in p.symbols if s >= 0) for p in self.productions])
+        """(P,) whether a production can lead back to its own rule: whether a rule of it lies on a circle with that."""
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import connected_components
+
+        edges = np.array([(p.rule, s) for p in self.productions for s in p.symbols if s >= 0]).reshape(-1, 2)
+        ones, size = np.ones(len(edges), dtype=np.int8), len(self.rules)
+        graph = csr_array((ones, (edges[:, 0], edges[:, 1])), shape=(size, size))
+        circle = connected_components(graph, connection="strong")[1].tolist()
+        return np.array([any(s >= 0 and circle[s] == circle[p.rule] for s in p.symbols) for p in self.productions])
 
 
 class GrammarArrays(NamedTuple):
@@ -107,6 +158,12 @@ class GrammarArrays(NamedTuple):
     """(P,) fewest levels of a derivation tree under a production, its own included."""
     recursive: NDArray[np.bool_]
     """(P,) whether a production can lead back to its own rule."""
+    size: NDArray[np.int64]
+    """(P,) fewest non-terminals of a derivation tree under a production, its own rule included."""
+    rule_recursive: NDArray[np.bool_]
+    """(R,) whether a rule has a recursive production."""
+    rule_size: NDArray[np.int64]
+    """(R,) fewest non-terminals of a derivation tree under a rule."""
 
 
 def read(path: Path) -> Grammar:
@@ -115,27 +172,27 @@ def read(path: Path) -> Grammar:
     Raises:
         GrammarError: the file cannot be read or is no usable grammar.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise GrammarError(f"cannot read the grammar {path}: {why}") from None
-    return parse(text, str(path))
+    return parse(files.read_source(path, GrammarError), str(path))
 
 
 def parse(text: str, source: str = "grammar") -> Grammar:
     """The grammar that a BNF text defines.
 
     Raises:
-        GrammarError: a stray character, an undefined, unreachable, repeated or endless rule; with its place.
+        GrammarError: a stray character, an undefined, unreachable, repeated or endless rule, or too many alternatives;
+            with its place.
     """
     return _Reader(text, source).grammar()
 
 
 class _Symbol(NamedTuple):
-    text: str
+    parts: list[str]
     is_rule: bool
     at: int
+
+    @property
+    def text(self) -> str:
+        return "".join(self.parts)
 
 
 class _Rule(NamedTuple):
@@ -147,13 +204,14 @@ class _Reader:
     def __init__(self, text: str, source: str) -> None:
         self.text, self.source = text, source
         self.rules: dict[str, _Rule] = {}
+        self.ends = [match.start() for match in re.finditer("\n", text)]
 
     def fail(self, at: int, why: str) -> NoReturn:
         column = at - self.text.rfind("\n", 0, at)
         raise GrammarError(f"{self.source}, line {self.line(at)}, column {column}: {why}")
 
     def line(self, at: int) -> int:
-        return self.text.count("\n", 0, at) + 1
+        return bisect.bisect_left(self.ends, at) + 1
 
     def grammar(self) -> Grammar:
         self.read_rules()
@@ -207,12 +265,11 @@ class _Reader:
         if kind != "name":
             text += found[1:-1] if kind == "quoted" else found
         if text and alternative and not alternative[-1].is_rule:
-            last = alternative.pop()
-            alternative.append(_Symbol(last.text + text, False, last.at))
+            alternative[-1].parts.append(text)
         elif text or kind == "quoted":
-            alternative.append(_Symbol(text, False, at))
+            alternative.append(_Symbol([text], False, at))
         if kind == "name":
-            alternative.append(_Symbol(found, True, at))
+            alternative.append(_Symbol([found], True, at))
 
     def stray(self, found: str, at: int) -> NoReturn:
         if found == "::=":
@@ -223,6 +280,9 @@ class _Reader:
         self.fail(at, f"the quote {found} is not closed on its line; close it, or put it into quotes of the other kind")
 
     def check_alternatives(self) -> None:
+        count = sum(len(rule.alternatives) for rule in self.rules.values())
+        if count > MOST_PRODUCTIONS:
+            self.fail(0, f"there are {count:,} alternatives; a grammar has {MOST_PRODUCTIONS:,} at most")
         for name, rule in self.rules.items():
             for alternative in rule.alternatives:
                 if not alternative:
@@ -248,10 +308,8 @@ class _Reader:
                 self.fail(rule.at, f"{name} cannot be reached from {start}; use it in a rule, or delete it")
 
     def check_ends(self, grammar: Grammar) -> None:
-        for i, name in enumerate(grammar.rules):
-            depths = [d for d, p in zip(grammar._depths, grammar.productions, strict=True) if p.rule == i]
-            if not np.isfinite(depths).any():
-                self.fail(
-                    self.rules[name].at,
-                    f"{name} has no finite derivation; add an alternative that does not lead back to it",
-                )
+        for name, productions in zip(grammar.rules, grammar.productions_of, strict=True):
+            least = grammar._sizes[productions.start : productions.stop].min()
+            if least > LARGEST_TREE:
+                what = "no finite derivation" if least == ENDLESS else f"no derivation of under {LARGEST_TREE:,} rules"
+                self.fail(self.rules[name].at, f"{name} has {what}; add an alternative that does not lead back to it")

@@ -1,4 +1,4 @@
-"""First populations: derivation trees of bounded depth, written down as the codons that choose them."""
+"""First populations: derivation trees of bounded depth and size, written down as the codons that choose them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.ge.grammar import Grammar, GrammarArrays
+from harness.ge.grammar import LARGEST_TREE, Grammar, GrammarArrays
 from harness.ge.mapping import Codons
 from harness.model.splitmix import next_uniform
 from harness.model.tables import compiled
@@ -55,6 +55,9 @@ METHODS: dict[str, Callable[..., list[Codons]]] = {
 def tree(grammar: Grammar, rule: int, max_depth: int, method: int, codon_size: int, rng: np.random.Generator) -> Codons:
     """Codons that derive a random tree from a rule, of at most ``max_depth`` levels (or its least depth, if more).
 
+    A tree has at most :data:`harness.ge.grammar.LARGEST_TREE` non-terminals: where another choice would lead beyond,
+    the production with the smallest tree is taken, deeper or not (trees that branch grow by powers of two a level).
+
     ``method``: GROW takes any production that leaves room to end; FULL prefers recursive ones while there is room;
     POSITION_INDEPENDENT grows, but in random order and so that one branch at least uses all levels it can.
     """
@@ -78,12 +81,13 @@ def _tree(
 ) -> Codons:
     """Grow the tree in any order, then read the codons off in preorder."""
     rule_first, production_first, symbols = g.rule_first, g.production_first, g.symbols
-    can_recur = np.array([g.recursive[rule_first[r] : rule_first[r + 1]].any() for r in range(len(rule_first) - 1)])
+    can_recur, least = g.rule_recursive, g.rule_size
     nodes = np.empty((64, 4), dtype=np.int32)  # rule, level, codon (−1: none), first child; children lie together
     waiting = np.empty(64, dtype=np.int32)
     nodes[0, 0], nodes[0, 1] = rule, 1
     waiting[0] = 0
     n_nodes, n_waiting, deepest = 1, 1, 1
+    spare = max(LARGEST_TREE - least[rule], 0)  # non-terminals beyond the fewest that those waiting need
     recurring = int(can_recur[rule])  # how many of those waiting could still grow deeper
     while n_waiting > 0:
         pick = n_waiting - 1
@@ -97,7 +101,9 @@ def _tree(
         deepest = max(deepest, level)
         first, last = rule_first[nodes[node, 0]], rule_first[nodes[node, 0] + 1]
         deep = method == FULL or (method == POSITION_INDEPENDENT and recurring == 0 and deepest < max_depth)
-        production = _choose(g, first, last, max_depth - level + 1, deep, state)
+        allowed = least[nodes[node, 0]] + spare
+        production = _choose(g, first, last, max_depth - level + 1, allowed, deep, state)
+        spare = allowed - g.size[production]
         n = last - first
         nodes[node, 2] = -1 if n == 1 else production - first + n * int(next_uniform(state) * (codon_size // n))
         nodes[node, 3] = n_nodes
@@ -116,22 +122,27 @@ def _tree(
 
 
 @compiled
-def _choose(g: GrammarArrays, first: int, last: int, room: int, deep: bool, state: NDArray[np.uint64]) -> int:
-    """A production of a rule that ends within ``room`` levels; a recursive one, if it is to be deep and there is one.
-    Without room for any, one of the shallowest."""
-    depth, recursive = g.depth, g.recursive
+def _choose(
+    g: GrammarArrays, first: int, last: int, room: int, allowed: int, deep: bool, state: NDArray[np.uint64]
+) -> int:
+    """A production of a rule that ends within ``room`` levels and ``allowed`` non-terminals; a recursive one, if it is
+    to be deep and there is one. Without room for any, one of the shallowest; if all these are too large, the
+    smallest."""
+    depth, recursive, size = g.depth, g.recursive, g.size
     room = max(room, depth[first:last].min())
     only_recursive = False
     count = 0
     for p in range(first, last):
-        if depth[p] <= room:
+        if depth[p] <= room and size[p] <= allowed:
             if deep and recursive[p] and not only_recursive:
                 only_recursive, count = True, 0
             if recursive[p] or not only_recursive:
                 count += 1
+    if count == 0:
+        return first + int(size[first:last].argmin())
     pick = int(next_uniform(state) * count)
     for p in range(first, last):
-        if depth[p] <= room and (recursive[p] or not only_recursive):
+        if depth[p] <= room and size[p] <= allowed and (recursive[p] or not only_recursive):
             if pick == 0:
                 return p
             pick -= 1

@@ -1,7 +1,8 @@
 """Genotype to phenotype: integer codons choose productions by the modulo rule, leftmost non-terminal first.
 
 A rule with a single production takes no codon. When the codons run out they are read again from the first, up to
-``max_wraps`` times; an individual whose derivation has not ended then is invalid and has no phenotype.
+``max_wraps`` times; an individual whose derivation has not ended then is invalid and has no phenotype. So is one whose
+derivation or phenotype is larger than any computer should be asked for: rules that take no codon can double for ever.
 """
 
 from __future__ import annotations
@@ -13,6 +14,11 @@ from numpy.typing import NDArray
 
 from harness.ge.grammar import Grammar, GrammarArrays
 from harness.model.tables import compiled
+
+LARGEST_DERIVATION = 2**20
+"""Non-terminals, or terminals, of a derivation at most."""
+LONGEST_PHENOTYPE = 10_000_000
+"""Characters of a phenotype at most."""
 
 Codons = NDArray[np.int32]
 
@@ -39,13 +45,13 @@ def derive(grammar: Grammar, codons: Codons, max_wraps: int = 0, start: int = 0)
         status, n_terminals, n_nodes, used, depth = _derive(
             grammar.arrays, codons, max_wraps, start, stack, terminals, nodes
         )
-        if status != _NO_ROOM:
+        if status != _NO_ROOM or room > LARGEST_DERIVATION:
             break
         room *= 2
-    if status == _NO_CODONS:
+    parts = list(map(grammar.terminals.__getitem__, terminals[:n_terminals].tolist()))
+    if status != _DONE or sum(map(len, parts)) > LONGEST_PHENOTYPE:
         return Derivation(None, used, depth, nodes[:0])
-    phenotype = "".join(map(grammar.terminals.__getitem__, terminals[:n_terminals].tolist()))
-    return Derivation(phenotype, used, depth, nodes[:n_nodes].copy())
+    return Derivation("".join(parts), used, depth, nodes[:n_nodes].copy())
 
 
 _DONE, _NO_CODONS, _NO_ROOM = range(3)

@@ -18,7 +18,7 @@ from harness import engine as engines
 from harness import policy as policies
 from harness.engine import Engine, rng
 from harness.engine.batch import Batch, read_only
-from harness.errors import HarnessError, PolicyError
+from harness.errors import HarnessError, PolicyError, quoted
 from harness.model.domain import Domain
 from harness.model.tables import STOP, compiled
 from harness.policy import Policy
@@ -27,6 +27,8 @@ from harness.progress import Bar, Progress
 
 HORIZON = 50
 """Steps after which an episode is truncated (paper, Table 2)."""
+MOST = 100_000_000
+"""Episodes of one evaluation, which keeps 21 bytes of each (2.1 GB), and steps of an episode, at most."""
 
 EPISODES = 10_000
 Z95 = 1.959963984540054
@@ -248,8 +250,8 @@ def _batch_size(policy: Policy, engine: str, episodes: int) -> int:
 
 def _check_counts(**counts: int) -> None:
     for name, value in counts.items():
-        if value < 1:
-            raise HarnessError(f"{name} must be 1 or more, not {value}")
+        if not 1 <= value <= MOST:
+            raise HarnessError(f"{name} must be from 1 to {MOST:,}, not {quoted(value)}")
 
 
 class _Totals(NamedTuple):

@@ -22,7 +22,9 @@ _TOKEN = re.compile(
     r"|(?P<word>[A-Za-z_][\w-]*)"
 )
 """A whole operation, guarded by one test at most (``simple``), is one token: most programs are a list of these."""
-_STATEMENTS = re.compile(rf"\s*{_SIMPLE}")
+_STATEMENT = re.compile(rf"\s*{_SIMPLE}")
+_STATEMENTS = re.compile(rf"{_STATEMENT.pattern}|\s*\S[\s\S]*")
+"""What is no such statement is taken with all after it, so that no place of it is looked at twice."""
 _PARTS = re.compile(rf"(?:if\s*\(\s*(?P<test>{_TEST})\s*\)\s*)?(?P<action>{_CALL})")
 _KEYWORDS = ("if", "else", "while", "and", "or", "not", "loop")
 
@@ -78,8 +80,8 @@ def constant_spans(text: str, words: Words) -> list[tuple[int, int]]:
 
 def _statements(text: str, words: Words, source: str) -> list[bytes] | None:
     """The short cut for a plain list of simple statements that have been met before, or can be parsed by themselves."""
-    found = _STATEMENTS.findall(text)
-    if not found or sum(map(len, found)) != len(text.rstrip()):
+    found = _STATEMENTS.findall(text.rstrip())
+    if not found or _STATEMENT.fullmatch(found[-1]) is None:
         return None
     try:
         return [words.statements[statement] for statement in found]
@@ -113,14 +115,11 @@ class _Parser:
 
     def _tokens(self) -> list[_Token]:
         tokens, end = [], 0
-        for match in _TOKEN.finditer(self.text):
-            if match.start() != end:
-                break
-            end = match.end()
-            kind = match.lastgroup
+        while (match := _TOKEN.match(self.text, end)) is not None:
+            kind, text = match.lastgroup, match.group()
             if kind != "blank":
-                text = match.group()
-                tokens.append(_Token(kind if kind in ("simple", "atom") else text, text, match.start()))
+                tokens.append(_Token(kind if kind in ("simple", "atom") else text, text, end))
+            end = match.end()
         if end != len(self.text):
             self.fail(end, f"{quoted(self.text[end])} cannot stand here")
         tokens.append(_Token("end", "the end", end))

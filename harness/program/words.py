@@ -36,6 +36,7 @@ _TEST = re.compile(
     r"(?P<left>.+?)\s*(?P<compare>==|<|>)\s*(?:(?P<number>\d+(?:\.\d+)?)|\"(?P<double>.*)\"|'(?P<single>.*)'|(?P<bare>\S+))",
     re.DOTALL,
 )
+_LARGEST_NUMBER = 1e9  # up to it every number is spelled as it was read
 _CHECK = re.compile(r"check\((\d+)\)")
 _READING_WORDS = {"bordercross": "distance()"}
 
@@ -102,6 +103,8 @@ class Words:
             raise PolicyError(self._unknown("quantity", left, known))
         if test["number"] is None:
             raise PolicyError(f"{left} is compared with a number, not with {quoted(label)}")
+        if float(test["number"]) > _LARGEST_NUMBER:
+            raise PolicyError(f"{left} is compared with a number above {_LARGEST_NUMBER:g}; take a smaller one")
         column = {**self.beliefs, **self.visible}.get(left, 0)
         return instruction(sources[left], column, compare=compare, value=float(test["number"]))
 
