@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import builtins
-import contextlib
 import csv
 import errno
 import io
@@ -23,7 +22,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -259,6 +258,7 @@ class Striker:
                 raise SystemExit(f"{self.name}: {folder.with_name('told').read_text()}")
             self.duration = time.monotonic() - began
         self.operations = int(folder.with_name("count").read_text())
+        print(f"{self.name}: {self.duration:.1f} s, {self.operations} operations that may fail", flush=True)
         return contents(folder)
 
     def _new(self) -> Path:
@@ -305,12 +305,6 @@ class Striker:
     def _fault(self, words: str) -> None:
         self.faults.append(words)
         print(f"{self.name}: {words}", flush=True)
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield
 
 
 def _arguments() -> argparse.Namespace:
