@@ -224,8 +224,12 @@ class TestRuns:
         assert list(result.history.columns) == list(COLUMNS)
         assert (folder / "best.txt").read_text() == result.best.text
         assert result.best.validation == result.finalists["validation"].max()
-        axes = result.plot()
+        (axes,) = result.plot().axes
         assert axes.get_xlabel() == "generation"
+        low, high = axes.collections[0].get_datalim(axes.transData).intervaly  # the band
+        half = 1.959964 * result.history["test_sem"]
+        assert low == pytest.approx((result.history["test"] - half).min())
+        assert high == pytest.approx((result.history["test"] + half).max())
 
     def test_the_score_is_that_of_the_program_on_fresh_episodes(self, whole):
         folder, result = whole
@@ -257,7 +261,9 @@ class TestRuns:
         curve = many.curve()
         both = many.history.pivot_table(index="generation", columns="seed", values="test")
         np.testing.assert_allclose(curve["q50"], both.mean(axis=1))  # of two values
-        assert many.plot().get_ylabel().startswith("undiscounted")
+        (axes,) = many.plot().axes
+        assert axes.get_ylabel().startswith("undiscounted")
+        assert many.plot(axes) is axes.figure
         resumed = harness.resume(tmp_path / "many", workers=1)
         assert [run.best.text for run in resumed.runs] == [run.best.text for run in many.runs]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from harness.engine import ENGINES
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.play.evaluation import EPISODES, HORIZON
 from harness.regression import statistics
 
@@ -150,7 +150,8 @@ def from_table(kind: type[_T], table: Mapping[str, Any]) -> _T:
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     for key in table:
         if key not in fields:
-            raise FieldFault(key, f"no key '{key}' is known here{nearest(key, fields)} (known: {', '.join(fields)})")
+            hint = f"{nearest(key, fields)} (known: {', '.join(fields)})"
+            raise FieldFault(key, f"no key {quoted(key)} is known here{hint}")
     for name, field in fields.items():
         if name not in table and field.default is dataclasses.MISSING:
             raise FieldFault("", f"'{name}' is missing")
@@ -167,7 +168,7 @@ def _value(key: str, value: Any, wanted: Any) -> Any:
     wanted = int if wanted == int | None else wanted
     fits = isinstance(value, (int, float) if wanted is float else wanted) and not isinstance(value, bool)
     if not fits:
-        raise FieldFault(key, f"'{key}' must be {_WORDS[wanted]}, not {value!r}")
+        raise FieldFault(key, f"'{key}' must be {_WORDS[wanted]}, not {quoted(value)}")
     if wanted is float:
         if not math.isfinite(value):
             raise FieldFault(key, f"'{key}' is {value}, no finite number")

@@ -21,7 +21,7 @@ else:
     import tomli as tomllib
 
 from harness import files
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.regression.rows import FieldFault, Key, Limits, Row, StoredScore, from_table
 
 SECTIONS = ("check", "score", "stored")
@@ -80,7 +80,7 @@ class _Reader:
         for name in self.tables:
             if name not in SECTIONS:
                 hint = nearest(name, SECTIONS)
-                raise HarnessError(f"{self.path}:{self._find(name, 1)}: no section '{name}' is known here{hint}")
+                raise HarnessError(f"{self.path}:{self._find(name, 1)}: no section {quoted(name)} is known here{hint}")
         limits = self._parse(Limits, "check", 0, self.tables.get("check", {}))
         rows = tuple(self._parse(Row, "score", i, table) for i, table in enumerate(self._list("score")))
         lines = tuple(self.line("score", i) for i in range(len(rows)))
