@@ -85,6 +85,7 @@ def list_scores(folder: Path) -> None:
 
 
 TUNE = ["tune", "rocksample-7x8", "--policy", "belief:0.6", *TABLES, "--set", "episodes=200", "--set", "iterations=25"]
+TUNE += ["--set", "validation_episodes=200", "--set", "final_episodes=200"]
 SWEEP = ["sweep", "rocksample-7x8", "--policy", "belief", *TABLES, "--points", "9", "--episodes", "300"]
 CASES = {
     "evolve": Case(
@@ -100,7 +101,7 @@ CASES = {
         command("evolve", "--resume", "DIR", "--backend", "threading"), "plan.json",
     ),
     "tune": Case(
-        command(*TUNE, "--set", "final_episodes=200", "--out", "DIR"), command("tune", "--resume", "DIR"),
+        command(*TUNE, "--out", "DIR"), command("tune", "--resume", "DIR"),
         "config.json",
     ),
     "sweep": Case(command(*SWEEP, "--out", "DIR"), command("sweep", "--resume", "DIR"), "sweep.json"),
