@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import builtins
+import contextlib
 import csv
 import errno
 import io
@@ -322,9 +323,10 @@ def strike_all() -> int:
     chance = random.Random(options.seed)
     with tempfile.TemporaryDirectory() as folder:
         strikers = [Striker(name, Path(folder), chance) for name in options.cases or CASES]
-        while sum(striker.strikes for striker in strikers) < options.strikes:
-            for striker in strikers:
-                striker.strike()
+        with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C: enough
+            while sum(striker.strikes for striker in strikers) < options.strikes:
+                for striker in strikers:
+                    striker.strike()
     for s in strikers:
         print(
             f"{s.name}: {s.equal} of {s.strikes} kills and faults in {s.tries} tries ended equal ({s.duration:.1f} s)"
