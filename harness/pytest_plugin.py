@@ -4,6 +4,7 @@
         score_regression.check(MyPolicy(), "rocksample-7x8")
 
 The first run stores the score beside the test and fails; from then on the test fails when the score gets worse.
+A policy object must pass :func:`harness.check_policy` first.
 Every pytest run of an environment loads this module, so it imports nothing but pytest.
 """
 
@@ -69,7 +70,7 @@ class ScoreRegression:
         """Fail the test when the policy's mean return has got worse than the stored one.
 
         Every check is a family of its own: unchanged code fails at most once in a thousand checks, and never when it
-        plays the same episodes.
+        plays the same episodes. An object that acts otherwise in other batches fails at once.
 
         Args:
             policy: a policy string, or any object with ``reset`` and ``act`` on batches.
@@ -89,6 +90,8 @@ class ScoreRegression:
         __tracebackhide__ = True
         from harness.regression import single
 
+        if not isinstance(policy, str):
+            _require_conformance(policy, domain, min(episodes, 1000), horizon)
         task = single.task(
             policy,
             domain,
@@ -111,3 +114,13 @@ class ScoreRegression:
             pytest.fail(message, pytrace=False)
         self._done.add(path)
         return path
+
+
+def _require_conformance(policy: Policy, domain: Domain | str, episodes: int, horizon: int) -> None:
+    __tracebackhide__ = True
+    from harness.play.conformance import ConformanceError, check_policy
+
+    try:
+        check_policy(policy, domain, episodes, horizon=horizon)
+    except ConformanceError as error:
+        pytest.fail(str(error), pytrace=False)

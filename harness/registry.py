@@ -6,7 +6,7 @@ import functools
 from pathlib import Path
 
 from harness import bridge
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.model import domain
 from harness.model.domain import Domain
 
@@ -33,7 +33,7 @@ def load(name: str | Path) -> Domain:
         return domain.read(path)
     if name not in names():
         raise HarnessError(
-            f"no domain '{name}'{nearest(str(name), names())} "
+            f"no domain {quoted(name)}{nearest(str(name), names())} "
             f"(known: {', '.join(names())}; or a .npz snapshot, or a .jl file)"
         )
     return _shipped(str(name))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from harness.play.conformance import check_policy
 from harness.regression import single
 
 pytest_plugins = ["pytester"]
@@ -44,6 +45,7 @@ def everything_loaded(tmp_path_factory, rocksample):
     how = {"seed": 0, "horizon": 50, "engine": "tables", "max_episodes": None}
     for episodes in (30, 40):
         single.check(path, single.task("random", rocksample, episodes=episodes, **how), {}, exact=True, renew=False)
+    check_policy("random", rocksample, episodes=4)
 
 
 @pytest.fixture
@@ -87,6 +89,16 @@ def test_ones_own_policy_that_got_worse_fails_with_a_table(pytester, project):
     assert re.search(r"mean +-47\d\d +10 +-4", out)  # three free moves, then 47 at −100
     assert "if the change is meant: pytest --force-regen" in out
     assert "pytest_plugin.py" not in out
+
+
+def test_an_object_that_acts_otherwise_in_other_batches_has_no_score(pytester, project):
+    drawing = "self.rng.integers(0, 4, batch.size)"
+    text = OWN.replace("        pass\n", "        self.rng = np.random.default_rng(0)\n")
+    project(text.replace('np.full(batch.size, batch.domain.action("{action}"))', drawing))
+    out = run(pytester, failed=1)
+    assert "mine acts otherwise in batches of 7 (" in out
+    assert "pytest_plugin.py" not in out
+    assert not (pytester.path / "test_policies").exists()
 
 
 def test_force_regen_stores_anew_and_fails(pytester, project):

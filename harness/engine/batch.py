@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine import rng
+from harness.errors import PolicyError
 from harness.model.domain import Domain
 from harness.model.tables import Tables, compiled, is_legal
 
@@ -46,11 +47,21 @@ class Batch:
     @property
     def features(self) -> NDArray[np.float64]:
         """(E, F) the domain's belief features, for RockSample P(rock i is good)."""
-        return self.marginals[:, self.domain.feature_columns]
+        return self.tracked()[:, self.domain.feature_columns]
+
+    def tracked(self) -> NDArray[np.float64]:
+        """:attr:`marginals`, for whoever cannot do without: compiled code would read past what is not there.
+
+        Raises:
+            PolicyError: the engine left the belief out.
+        """
+        if self.marginals.shape[1] != self.domain.n_marginals:
+            raise PolicyError("the belief was left out (uses_belief = False), but the policy looks at it: say True")
+        return self.marginals
 
     def joint(self, episodes: NDArray[np.intp] | slice = slice(None)) -> NDArray[np.float64]:
         """(E, H) joint belief over the hidden factors, the last factor varying fastest."""
-        marginals = self.marginals[episodes]
+        marginals = self.tracked()[episodes]
         offset = self.domain.factor_offset
         joint = np.ones((len(marginals), 1))
         for k in range(len(offset) - 1):
@@ -61,7 +72,7 @@ class Batch:
     def legal(self) -> NDArray[np.bool_]:
         """(E, A) actions that cost no illegal-move penalty, as far as the belief can tell; all False once done."""
         mask = np.zeros((self.size, self.domain.n_actions), dtype=np.bool_)
-        _legal(self.domain.tables, self.visible, self.marginals, self.done, mask)
+        _legal(self.domain.tables, self.visible, self.tracked(), self.done, mask)
         return mask
 
     def uniform(self, stream: int = 0) -> NDArray[np.float64]:

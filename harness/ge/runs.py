@@ -7,21 +7,23 @@ import os
 import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
 import joblib
 from tqdm.auto import tqdm
 
-from harness import files, host
+from harness import files, host, locking
 from harness.errors import HarnessError
-from harness.ge.folder import RunFolder
-from harness.ge.parameters import Parameters
+from harness.ge.folder import PREFIX, Plan, RunFolder, check_new
+from harness.ge.parameters import Parameters, from_record
 from harness.ge.results import Evolution, Evolutions
 from harness.ge.search import Setup, config_of, prepare, restore, run
 from harness.model.domain import Domain
 
 
+@locking.alone
 def evolve(
     domain: Domain | str,
     grammar: str | Path | None = None,
@@ -54,7 +56,8 @@ def evolve(
         :class:`harness.ge.results.Evolution` for one run, :class:`harness.ge.results.Evolutions` for more.
 
     Raises:
-        HarnessError: an argument, the grammar or the folder is wrong; nothing has run then.
+        HarnessError: an argument, the grammar or the folder is wrong, and nothing has run then; or a file cannot be
+            written, or a worker was killed, and what ``out`` holds can be resumed.
         KeyboardInterrupt: Ctrl-C; what ``out`` holds can be resumed.
     """
     _check_runs(runs, workers)
@@ -67,13 +70,14 @@ def evolve(
         return _one(setup._replace(workers=workers or host.cores()), folder, progress)
     with contextlib.ExitStack() as stack:
         parent = Path(out if out is not None else stack.enter_context(tempfile.TemporaryDirectory()))
-        setups = [_with_seed(setup, setup.parameters.seed + k) for k in range(runs)]
-        folders = [_folder_of(parent, each.parameters.seed) for each in setups]
-        for each, folder in zip(setups, folders, strict=True):
-            folder.create(config_of(each, name), each.grammar.text)
-        return _many(setups, folders, parent, workers, backend, progress)
+        check_new(parent)
+        seeds = [setup.parameters.seed + k for k in range(runs)]
+        setups = [_with_seed(setup, seed) for seed in seeds]  # also checks that there are such seeds
+        Plan(parent).write(config_of(setup, name), setup.grammar.text, seeds)
+        return _many(setups, _planned(parent), parent, workers, backend, progress)
 
 
+@locking.alone
 def resume(
     out: str | Path,
     *,
@@ -96,7 +100,7 @@ def resume(
     """
     parent = Path(out)
     _check_runs(1, workers)
-    folders = folders_of(parent)
+    folders = _planned(parent, generations) or folders_of(parent)
     if not folders:
         folder = RunFolder(parent)
         return _one(_restored(folder, workers or host.cores(), generations), folder, progress)
@@ -104,12 +108,37 @@ def resume(
     return _many(setups, folders, parent, workers, backend, progress)
 
 
-_PREFIX = "seed-"
-
-
 def folders_of(parent: Path) -> list[RunFolder]:
     """The folders of many runs, by seed; none where ``parent`` holds a single run, or nothing."""
-    return [RunFolder(path.parent) for path in sorted(parent.glob(f"{_PREFIX}*/config.json"), key=_seed_of)]
+    return [RunFolder(path.parent) for path in sorted(parent.glob(f"{PREFIX}*/config.json"), key=_seed_of)]
+
+
+def begun(parent: Path) -> bool:
+    """Whether a folder holds runs that :func:`resume` goes on with."""
+    return Plan(parent).path.exists() or bool(folders_of(parent)) or (parent / "config.json").exists()
+
+
+def _planned(parent: Path, generations: int | None = None) -> list[RunFolder]:
+    """The folders of all runs in the plan, made or prolonged where they lack that; none where there is no plan."""
+    plan = Plan(parent)
+    if not plan.path.exists():
+        return []
+    config, grammar, seeds = plan.read()
+    if generations is not None:
+        config = _with(config, generations=generations)
+        plan.write(config, grammar, seeds)
+    least = from_record(config["parameters"]).generations
+    folders = [RunFolder(parent / f"{PREFIX}{seed}") for seed in seeds]
+    for folder, seed in zip(folders, seeds, strict=True):
+        if not (folder.path / "config.json").exists():
+            folder.create(_with(config, seed=seed), grammar)
+        elif from_record(folder.config()["parameters"]).generations < least:
+            folder.prolong(least)
+    return folders
+
+
+def _with(config: Mapping[str, Any], **parameters: int) -> dict[str, Any]:
+    return {**config, "parameters": {**config["parameters"], **parameters}}
 
 
 def _restored(folder: RunFolder, workers: int, generations: int | None) -> Setup:
@@ -118,16 +147,12 @@ def _restored(folder: RunFolder, workers: int, generations: int | None) -> Setup
     if generations is not None:
         if state and generations < state.generation:
             raise HarnessError(f"{folder.path} is at generation {state.generation} already; ask for more of them")
-        files.replace_json(folder.path / "config.json", {**folder.config(), "parameters": setup.parameters.__dict__})
+        folder.prolong(generations)
     return setup
 
 
-def _folder_of(parent: Path, seed: int) -> RunFolder:
-    return RunFolder(parent / f"{_PREFIX}{seed}")
-
-
 def _seed_of(config: Path) -> tuple[int, str]:
-    number = config.parent.name.removeprefix(_PREFIX)
+    number = config.parent.name.removeprefix(PREFIX)
     return (int(number), "") if number.isdecimal() else (-1, number)
 
 
@@ -162,23 +187,25 @@ def _many(
     progress: bool,
 ) -> Evolutions:
     """All runs, as many at a time as there are workers. What is on disk tells how far they are."""
+    tasks = [joblib.delayed(_in_worker)(*pair) for pair in zip(setups, folders, strict=True)]
+    watched: dict[str, Any] = {"initializer": host.end_with, "initargs": (os.getpid(),)} if backend == "loky" else {}
     with _bar(sum(setup.parameters.generations + 1 for setup in setups), progress) as bar, _watching(folders, bar):
-        tasks = (joblib.delayed(_in_worker)(*pair, os.getpid()) for pair in zip(setups, folders, strict=True))
-        result = Evolutions(joblib.Parallel(n_jobs=workers or host.cores(), backend=backend)(tasks))
+        try:
+            runs = joblib.Parallel(n_jobs=workers or host.cores(), backend=backend, **watched)(tasks)
+        except BrokenProcessPool:
+            raise HarnessError(
+                f"a worker process of {parent} was killed, perhaps for want of memory; go on with --resume {parent}, "
+                "and fewer --workers"
+            ) from None
+    result = Evolutions(runs)
     files.replace_text(parent / "runs.csv", result.table.to_csv(index=False, lineterminator="\n"))
     files.replace_text(parent / "curve.csv", result.curve().to_csv(lineterminator="\n"))
     return result
 
 
-def _in_worker(setup: Setup, folder: RunFolder, caller: int) -> Evolution:
-    """A run in another process. When the one that asked for it is killed, it stops: somebody may resume the folder."""
-    is_child = os.getppid() == caller
-
-    def watch(row: Mapping[str, Any]) -> None:
-        if is_child and os.getppid() != caller:
-            os._exit(1)  # nobody is left to tell
-
-    return run(setup, folder, watch)
+def _in_worker(setup: Setup, folder: RunFolder) -> Evolution:
+    with locking.alone_in(folder.path):
+        return run(setup, folder, lambda row: None)
 
 
 def _bar(total: int, progress: bool) -> Any:

@@ -6,7 +6,8 @@ way it holds the same arrays, and no line of Python says how the domain behaves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, SnapshotError, nearest
-from harness.model import archive
+from harness import cards
+from harness.errors import HarnessError, SnapshotError, nearest, quoted
+from harness.model import archive, validation
 from harness.model.tables import Tables, from_arrays
 
 KIND = "domain"
@@ -83,6 +85,10 @@ class Domain:
     """Which reward is in use."""
     live: Any = field(default=None, repr=False)
     """The Julia model, for a domain made from live Julia; None for a named instance."""
+
+    def __deepcopy__(self, memo: object) -> Domain:
+        """Itself: a domain never changes, so copies of what holds it (a policy) share it."""
+        return self
 
     @property
     def n_actions(self) -> int:
@@ -151,7 +157,8 @@ class Domain:
         """
         if name not in self.actions:
             raise HarnessError(
-                f"{self.name} has no action '{name}'{nearest(name, self.actions)} (actions: {' '.join(self.actions)})"
+                f"{self.name} has no action {quoted(name)}{nearest(name, self.actions)} "
+                f"(actions: {' '.join(self.actions)})"
             )
         return self.actions.index(name)
 
@@ -163,10 +170,28 @@ class Domain:
         """
         if shaping not in self.shapings:
             raise HarnessError(
-                f"{self.name} has no reward shaping '{shaping}'{nearest(shaping, self.shapings)} "
+                f"{self.name} has no reward shaping {quoted(shaping)}{nearest(shaping, self.shapings)} "
                 f"(known: {', '.join(self.shapings)})"
             )
         return replace(self, shaping=shaping)
+
+    def _facts(self) -> dict[str, object]:
+        shaping = {} if self.shaping == "none" else {"shaping": self.shaping}
+        return {
+            "version": self.version,
+            "states": f"{self.n_states:,}",
+            "actions": self.n_actions,
+            "observations": self.n_observations,
+            "discount": self.discount,
+            **shaping,
+        }
+
+    def __repr__(self) -> str:
+        """Name and sizes, on one line."""
+        return cards.line("Domain", self.name, self._facts())
+
+    def _repr_html_(self) -> str:
+        return cards.card("Domain", self.name, {"title": self.title, **self._facts()})
 
 
 def from_export(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], live: Any = None) -> Domain:
@@ -220,10 +245,15 @@ def read(path: Path) -> Domain:
     """Read a snapshot.
 
     Raises:
-        SnapshotError: the file is damaged or is no snapshot.
+        SnapshotError: the file is damaged or is no snapshot, or its arrays make no domain (the first fault is named).
     """
     record, arrays = archive.read(path, KIND)
-    try:
-        return from_export(record, arrays)
-    except KeyError as error:
-        raise SnapshotError(f"{path}: the snapshot lacks {error}; export it again") from None
+    _refuse(path, itertools.chain(validation.record_breaches(record), validation.type_breaches(arrays, ARRAYS)))
+    domain = from_export(record, arrays)
+    _refuse(path, validation.breaches(domain))
+    return domain
+
+
+def _refuse(path: Path, breaches: Iterator[str]) -> None:
+    for first in breaches:
+        raise SnapshotError(f"{path}: {first}; export it again")

@@ -1,27 +1,38 @@
-"""The public conformance check: is a domain well formed, and does an engine step it by the contract?"""
+"""The public conformance checks: is a domain well formed, does an engine step it by the contract, is a policy one?"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness import engine as engines
+from harness import policy as policies
 from harness import registry
 from harness.engine.batch import Batch
-from harness.errors import HarnessError
+from harness.errors import HarnessError, printable
+from harness.model import validation
 from harness.model.domain import Domain
+from harness.model.tables import STOP
 from harness.play.evaluation import HORIZON, simulate
+from harness.policy import Policy
+from harness.policy.base import copied
 from harness.policy.simple import RandomPolicy
 
 _TOLERANCE = 1e-9
 
 
 class ConformanceError(HarnessError):
-    """A domain or an engine breaks the contract; the message lists every breach found."""
+    """A domain, an engine or a policy breaks the contract; the message lists every breach found."""
+
+    def __str__(self) -> str:
+        """All of the list, however long."""
+        return printable(self.args[0])
 
 
 def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500, seed: int = 0) -> None:
@@ -37,7 +48,7 @@ def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500
         ConformanceError: with every breach found.
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
-    breaches = list(_check_tables(domain))
+    breaches = list(validation.breaches(domain))
     if not breaches:  # an engine on broken tables would only fail in stranger ways
         breaches = list(_check_engine(domain, engines.choose(engine, domain), episodes, seed))
     if breaches:
@@ -46,86 +57,6 @@ def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500
 
 def _exported(d: Domain) -> SimpleNamespace:
     return SimpleNamespace(**d.arrays)
-
-
-def _check_tables(d: Domain) -> Iterator[str]:
-    t = _exported(d)
-    rows, outcomes = len(t.legal), len(t.outcome_visible)
-    if not 0 < d.discount <= 1:
-        yield f"the discount {d.discount} is not in (0, 1]"
-    for what, names in (
-        ("action", d.actions),
-        ("observation", d.observations),
-        ("feature", [f[0] for f in d.features]),
-    ):
-        if len(set(names)) != len(names):
-            yield f"two {what}s share a name"
-    if len(t.first_row) != d.n_visible * d.n_actions or len(t.terminal) != d.n_visible:
-        yield "first_row, factor or terminal do not have one entry a visible value (and action)"
-        return
-    if (np.diff(t.row_outcomes) < 1).any() or t.row_outcomes[-1] != outcomes or len(t.row_outcomes) != rows + 1:
-        yield "a row has no outcome, or row_outcomes does not end at the last outcome"
-        return
-    yield from _check_ranges(d)
-    yield from _check_probabilities(d)
-    if (t.first_row.reshape(d.n_visible, -1)[t.terminal] != -1).any():
-        yield "a terminal visible value has rows"
-    if not np.isfinite(d.arrays["outcome_reward"]).all():
-        yield "a reward is not a finite number"
-    for v in np.flatnonzero(~t.terminal):
-        first = t.first_row[v * d.n_actions : (v + 1) * d.n_actions]
-        if not t.legal[first].any():
-            yield f"no action is legal at visible value {v}"
-            return
-
-
-def _check_ranges(d: Domain) -> Iterator[str]:
-    t = _exported(d)
-    sizes = np.array([*d.factor_sizes, 1])  # the last entry serves factor −1: one row
-    live = np.repeat(~t.terminal, d.n_actions)
-    ends = t.first_row[live] + sizes[t.factor[live]]
-    if (t.first_row[live] < 0).any() or (ends > len(t.legal)).any():
-        yield "first_row points outside the rows"
-    bounds = (
-        ("outcome_visible", 0, d.n_visible),
-        ("outcome_value", 0, int(sizes.max())),
-        ("outcome_observation", 0, len(t.observation_probability)),
-        ("factor", -1, len(d.factors)),
-        ("start_visible", 0, d.n_visible),
-        ("start_observation", -1, len(t.observation_probability)),
-        ("prior_factor", -1, len(d.factors)),
-    )
-    for name, low, high in bounds:
-        array = getattr(t, name)
-        if (array < low).any() or (array >= high).any():
-            yield f"{name} leaves the range {low} … {high - 1}"
-    if any(not 0 <= k < len(d.factors) or not 0 <= x < d.factor_sizes[k] for _, k, x in d.features):
-        yield "a feature names a factor or value that does not exist"
-    if t.observation_probability.shape[1] != d.n_observations:
-        yield "the observation distributions do not have one entry an observation"
-
-
-def _check_probabilities(d: Domain) -> Iterator[str]:
-    t = _exported(d)
-    if (t.outcome_probability <= 0).any() or (t.observation_probability < 0).any():
-        yield "a probability is negative, or an outcome has none"
-    totals = np.add.reduceat(t.outcome_probability, t.row_outcomes[:-1])
-    if not np.allclose(totals, 1, atol=_TOLERANCE):
-        yield f"the outcomes of row {np.abs(totals - 1).argmax()} do not sum to 1"
-    if not np.allclose(t.outcome_cdf[t.row_outcomes[1:] - 1], totals, atol=_TOLERANCE):
-        yield "outcome_cdf does not end at the row's total"
-    if not np.allclose(t.observation_probability.sum(axis=1), 1, atol=_TOLERANCE):
-        yield "an observation distribution does not sum to 1"
-    if not np.allclose(np.cumsum(t.observation_probability, axis=1), t.observation_cdf, atol=_TOLERANCE):
-        yield "observation_cdf is not the running sum of observation_probability"
-    if (np.diff(t.start_cdf) <= 0).any() or abs(t.start_cdf[-1] - 1) > _TOLERANCE:
-        yield "start_cdf does not rise to 1"
-    for k in range(len(d.factors)):
-        prior = t.prior_marginals[:, d.factor_offset[k] : d.factor_offset[k + 1]]
-        if (prior < 0).any() or not np.allclose(prior.sum(axis=1), 1, atol=_TOLERANCE):
-            yield f"the prior of {d.factors[k]} is not a distribution"
-    if set(t.start_visible) != set(t.prior_visible):
-        yield "start_visible and prior_visible differ"
 
 
 def _check_engine(d: Domain, engine: str, episodes: int, seed: int) -> Iterator[str]:
@@ -221,3 +152,82 @@ def _predicted(d: Domain, batch: Batch, actions: NDArray[np.int32], alive: NDArr
                         weight * t.outcome_probability[j] * t.observation_probability[t.outcome_observation[j]]
                     )
     return predicted
+
+
+class _Way(NamedTuple):
+    """How episodes are cut into batches and played."""
+
+    batch: int
+    threads: int
+    batches: int
+    """At most so many."""
+
+    def __str__(self) -> str:
+        return f"{self.batch}" + (f" on {self.threads} threads" if self.threads > 1 else "")
+
+
+_SMALL = 20  # batches: a small one takes as long as a large one
+_MEND = "keep what is remembered in arrays made in reset(batch), draw by batch.uniform(), share nothing between copies"
+
+
+def check_policy(
+    policy: Policy | str, domain: Domain | str, episodes: int = 1000, seed: int = 0, horizon: int = HORIZON
+) -> None:
+    """Check that a policy acts alike however its episodes are played, so that its score is one number.
+
+    Fresh copies of it play the same episodes all in one batch, twice, the first of them in batches of 7 and of 1,
+    and all in quarters, one after the other and on four threads: every action must be the same. And an episode that
+    the policy has left (by −1) must stay left. The object given stays as it is.
+
+    Args:
+        policy: any object with ``reset`` and ``act`` on batches, or a policy string.
+        domain: a domain or its name.
+        episodes: how many; fewer for a policy that takes long over a decision.
+        seed: of the episodes.
+        horizon: steps after which an episode is cut.
+
+    Raises:
+        ConformanceError: with every way of playing that gave other actions.
+        PolicyError: the policy is unknown, cannot be copied, or returned something that is no action.
+    """
+    domain = registry.load(domain) if isinstance(domain, str) else domain
+    name, made = policies.named(policy, domain)
+    copied(made)
+    whole = _actions(domain, made, _Way(episodes, 1, 1), episodes, seed, horizon)
+    left = (whole[:-1] == STOP) & (whole[1:] != STOP)
+    if left.any():
+        raise ConformanceError(f"{name} goes on in episode {left.any(axis=0).argmax()}, which it had left by {STOP}")
+    breaches = list(_check_ways(domain, made, whole, seed))
+    if breaches:
+        raise ConformanceError(f"{name} acts otherwise in batches of {', '.join(breaches)}: {_MEND}")
+
+
+def _check_ways(d: Domain, policy: Policy, whole: NDArray[np.int32], seed: int) -> Iterator[str]:
+    horizon, episodes = whole.shape
+    quarter = -(-episodes // 4)
+    small = (_Way(7, 1, _SMALL), _Way(1, 1, _SMALL), _Way(7, 4, _SMALL))
+    for way in (_Way(episodes, 1, 1), *small, _Way(quarter, 1, 4), _Way(quarter, 4, 4)):
+        try:
+            played = _actions(d, policy, way, episodes, seed, horizon)
+        except Exception as error:  # whatever the policy's own code raises
+            yield f"{way} (a {type(error).__name__})"
+            continue
+        differ = (played != whole[:, : played.shape[1]]).any(axis=0)
+        if differ.any():
+            yield f"{way} ({differ.sum()} of {len(differ)})"
+
+
+def _actions(d: Domain, policy: Policy, way: _Way, episodes: int, seed: int, horizon: int) -> NDArray[np.int32]:
+    """(horizon, E) actions in the first E episodes, as many as the way has batches for; STOP after the end."""
+    firsts = range(0, episodes, way.batch)[: way.batches]
+    played = np.full((horizon, min(episodes, way.batch * way.batches)), STOP, dtype=np.int32)
+
+    def play(first: int) -> None:
+        part = played[:, first : first + way.batch]
+        for step, record in enumerate(simulate(d, policy, "tables", seed, first, part.shape[1], horizon)):
+            if record.actions is not None:
+                part[step - 1] = np.where(record.active, record.actions, STOP)
+
+    with ThreadPoolExecutor(way.threads) as pool:
+        list(pool.map(play, firsts))
+    return played

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
+import math
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import cards, host, registry
 from harness import engine as engines
-from harness import host, registry
 from harness import policy as policies
 from harness.engine import Engine, rng
 from harness.engine.batch import Batch, read_only
@@ -22,6 +22,7 @@ from harness.errors import HarnessError, PolicyError
 from harness.model.domain import Domain
 from harness.model.tables import STOP, compiled
 from harness.policy import Policy
+from harness.policy.base import can_be_copied, fresh
 
 HORIZON = 50
 """Steps after which an episode is truncated (paper, Table 2)."""
@@ -30,7 +31,9 @@ EPISODES = 10_000
 Z95 = 1.959963984540054
 """Standard normal quantile of a two-sided 95 % interval."""
 
-_BATCH = 32_768  # episodes a batch: threads meet at the interpreter lock once a step, so not too few
+# How many threads there are must not decide the batches: then no policy's score can depend on it.
+_BATCHES = 16
+_LEAST, _BATCH = 2_500, 32_768  # episodes a batch: a step costs some time whatever its size, and memory an episode
 _JULIA_BATCH = 131_072  # one call into Julia a step, its threads inside
 
 Progress = Callable[[int], object]
@@ -89,9 +92,31 @@ class Evaluation:
             float(self.terminated.mean()),
         )
 
+    def __repr__(self) -> str:
+        """The score and what it is of, on one line."""
+        return cards.line("Evaluation", f"{self.policy} on {self.domain.name}", _facts(self))
+
+    def _repr_html_(self) -> str:
+        return cards.card("Evaluation", f"{self.policy} on {self.domain.name}", _facts(self))
+
+
+def _facts(result: Evaluation) -> dict[str, object]:
+    score = result.score
+    return {
+        "return": cards.plus_minus(score.mean, score.sem),
+        "discounted": cards.plus_minus(score.discounted_mean, score.discounted_sem),
+        "success": f"{score.success_rate:.1%}",
+        "episodes": f"{score.episodes:,}",
+        "seed": result.seed,
+        "horizon": result.horizon,
+        "engine": result.engine,
+    }
+
 
 def mean_and_sem(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and its standard error; both exact, without rounding, where all values are equal."""
+    """Mean and its standard error; both exact where all values are equal. One value says nothing of its error: NaN."""
+    if len(values) == 1:
+        return float(values[0]), math.nan
     if values.min() == values.max():
         return float(values[0]), 0.0
     return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values)))
@@ -114,8 +139,10 @@ def simulate(
 ) -> Iterator[StepRecord]:
     """Step episodes ``first … first + count − 1`` together; yields the reset and then every step.
 
-    ``engine`` is ``tables`` or ``julia``. The arrays of a record are overwritten by the next step.
+    ``engine`` is ``tables`` or ``julia``. A fresh copy of the policy plays.
+    The arrays of a record are overwritten by the next step.
     """
+    policy = fresh(policy)
     stepper = engines.make(engine, domain, count, getattr(policy, "uses_belief", True))
     batch = _view(stepper, seed, first)
     stepper.reset(rng.uniforms(seed, rng.ENGINE, 0, first, count))
@@ -184,7 +211,8 @@ def evaluate(
         first: number of the first episode; the episodes are ``first … first + episodes − 1`` of the seed.
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.
-        workers: threads of the tables engine (default: one a core). The numbers do not depend on it.
+        workers: threads of the tables engine (default: one a core). The numbers do not depend on it. A policy that
+            cannot be copied plays in one, and a warning says so.
         progress: called with the number of episodes finished since the last call.
 
     Raises:
@@ -198,19 +226,24 @@ def evaluate(
         raise HarnessError(f"seed must be a whole number from 0 to 2**64 - 1, not {seed}")
     engine = engines.choose(engine, domain)
     spec, made = policies.named(policy, domain)
-    threads = 1 if engine == "julia" else workers or host.cores()
-    largest = getattr(made, "batch_size", _JULIA_BATCH if engine == "julia" else _BATCH)
-    size = min(largest, -(-episodes // threads))
+    threads = 1 if engine == "julia" or not can_be_copied(made) else workers or host.cores()
+    size = _batch_size(made, engine, episodes)
     chunks = [(first + done, min(size, episodes - done)) for done in range(0, episodes, size)]
     stop = threading.Event()
 
     def run(chunk: tuple[int, int]) -> _Totals:
-        records = simulate(domain, copy.copy(made), engine, seed, *chunk, horizon)
+        records = simulate(domain, made, engine, seed, *chunk, horizon)
         return _totals(itertools.takewhile(lambda _: not stop.is_set(), records), chunk[1], domain.discount)
 
     parts = _map(run, chunks, threads, progress or (lambda finished: None), stop)
     totals = _Totals(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return Evaluation(domain, spec, engine, seed, horizon, *totals)
+
+
+def _batch_size(policy: Policy, engine: str, episodes: int) -> int:
+    if engine == "julia":
+        return int(getattr(policy, "batch_size", _JULIA_BATCH))
+    return min(getattr(policy, "batch_size", _BATCH), max(_LEAST, -(-episodes // _BATCHES)))
 
 
 def _check_counts(**counts: int) -> None:

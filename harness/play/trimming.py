@@ -37,6 +37,10 @@ class _Counting(AlphaVectorPolicy):
         super().__init__(domain, solution)
         self.used = np.zeros(len(solution.arrays["actions"]), dtype=np.bool_)
 
+    def clone(self) -> _Counting:
+        """Itself: it counts for all batches, in the one thread that plays it."""
+        return self
+
     def choose(self, batch: Batch) -> NDArray[np.intp]:
         chosen = super().choose(batch)
         self.used[chosen[~batch.done]] = True

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness import registry
-from harness.errors import PolicyError, nearest
+from harness.errors import PolicyError, nearest, quoted
 from harness.model.domain import Domain
 from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
@@ -56,15 +56,15 @@ def _threshold(text: str, what: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise PolicyError(f"{what} takes a threshold between 0.5 and 1, not '{text}'") from None
+        raise PolicyError(f"{what} takes a threshold between 0.5 and 1, not {quoted(text)}") from None
     if not 0.5 <= value <= 1:
-        raise PolicyError(f"{what} takes a threshold between 0.5 and 1; {text} is out of range")
+        raise PolicyError(f"{what} takes a threshold between 0.5 and 1; {quoted(value)} is out of range")
     return value
 
 
 def _rollout(domain: Domain, text: str) -> Policy:
     if not text.isdecimal() or int(text) < 1:
-        raise PolicyError(f"rollout takes a number of simulations an action, 1 or more, not '{text}'")
+        raise PolicyError(f"rollout takes a number of simulations an action, 1 or more, not {quoted(text)}")
     return RolloutPolicy(domain, int(text))
 
 
@@ -174,12 +174,12 @@ def make(spec: str, domain: Domain) -> tuple[str, Policy]:
     kinds = {kind.word: kind for kind in _KINDS}
     known = ", ".join(specs(domain))
     if word not in kinds:
-        raise PolicyError(f"no policy '{spec}'{nearest(word, kinds)} (on {domain.name}: {known})")
+        raise PolicyError(f"no policy {quoted(spec)}{nearest(word, kinds)} (on {domain.name}: {known})")
     kind = kinds[word]
     if not kind.suits(domain):
-        raise PolicyError(f"policy '{word}' needs a {kind.layout} domain, {domain.name} is none (there: {known})")
+        raise PolicyError(f"policy {quoted(word)} needs a {kind.layout} domain, {domain.name} is none (there: {known})")
     if colon and not kind.argument and not kind.needs_file and not kind.optional:
-        raise PolicyError(f"policy '{word}' takes no parameter, but '{spec}' gives one")
+        raise PolicyError(f"policy {quoted(word)} takes no parameter, but {quoted(spec)} gives one")
     argument = text if colon else kind.argument
     return (f"{word}:{argument}" if argument else word), kind.make(domain, argument)
 

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import copy
+import threading
+import warnings
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine.batch import Batch
+from harness.errors import PolicyError
 
 
 @runtime_checkable
 class Policy(Protocol):
     """Decides for a whole batch of episodes at a time. Any object with these two methods is a policy.
 
-    A large evaluation is split into batches that run at the same time, each with a shallow copy of the policy:
-    what a policy remembers of its episodes must be made anew in :meth:`reset`, as arrays with one row an episode.
+    Every batch of episodes is played by a copy of its own (:func:`fresh`), so that batches can run at the same time and
+    the object given stays as it was. What a policy remembers of its episodes must be made anew in :meth:`reset`, as
+    arrays with one row an episode, and random choices come from :meth:`harness.engine.batch.Batch.uniform`: a
+    generator of the policy's own would start again in every batch. :func:`harness.check_policy` finds what is missing.
+
+    A policy that cannot be deep-copied, or not cheaply, may have a method ``clone()`` that returns an independent copy
+    and leaves the policy as it is.
 
     A policy that never looks at the belief may set a class attribute ``uses_belief = False``; the engine then
     leaves the belief out, which is faster. One that takes long over a decision may set ``batch_size`` (episodes a
@@ -38,6 +47,62 @@ class Stateless:
 
     def reset(self, batch: Batch) -> None:
         """Nothing to forget."""
+
+
+def copied(policy: Policy) -> Policy:
+    """An independent copy, by the policy's own ``clone()`` where it has one, else a deep one.
+
+    Raises:
+        PolicyError: it cannot be copied.
+    """
+    clone = getattr(policy, "clone", None)
+    try:
+        with _COPYING:
+            made = copy.deepcopy(policy) if clone is None else clone()
+        if not isinstance(made, Policy):
+            raise TypeError(f"clone() returned a {type(made).__name__}")
+    except Exception as error:
+        name, why = type(policy).__name__, f"{type(error).__name__}: {error}"
+        raise PolicyError(
+            f"{name} cannot be copied ({' '.join(why.split())[:60]}): it plays in one thread, on the object itself, "
+            "until it has a method clone() that returns an independent copy"
+        ) from error
+    return made
+
+
+_COPYING = threading.RLock()  # a clone() of a user's need not know of threads
+
+
+def fresh(policy: Policy) -> Policy:
+    """What plays a batch in a policy's stead: a copy, or with a warning the policy itself where it has none."""
+    try:
+        return copied(policy)
+    except PolicyError as error:
+        warnings.warn(str(error), stacklevel=2)
+        return policy
+
+
+def can_be_copied(policy: Policy) -> bool:
+    """Whether batches can be played at the same time."""
+    try:
+        copied(policy)
+    except PolicyError:
+        return False
+    return True
+
+
+def fitting(batch: Batch, remembered: NDArray[Any]) -> NDArray[Any]:
+    """An array that a policy made in ``reset``, sure to have a row for every episode: compiled code does not look.
+
+    Raises:
+        PolicyError: it was made for a batch of another size.
+    """
+    if len(remembered) != batch.size:
+        raise PolicyError(
+            f"act() was given {batch.size} episodes after a reset() for {len(remembered)}: call reset(batch) first, "
+            "and give every thread a copy of the policy (copy.deepcopy)"
+        )
+    return remembered
 
 
 def constant(size: int, action: int) -> NDArray[np.int32]:

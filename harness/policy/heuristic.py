@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine.batch import Batch
+from harness.errors import PolicyError
 from harness.model.domain import Domain
 from harness.model.tables import compiled
+from harness.policy.base import fitting
 
 ACCURACY_DEFAULT = 0.93
 BELIEF_DEFAULT = 0.84
@@ -32,6 +34,20 @@ class RockMap(NamedTuple):
     """Action of check(1); check(i) follows in order."""
     good: int
     """Observation of a good rock."""
+
+    def __deepcopy__(self, memo: object) -> RockMap:
+        """Itself: nobody writes to a map, so copies of a policy share it."""
+        return self
+
+    def of(self, domain: Domain) -> RockMap:
+        """Itself, if it is as large as a map of the domain: compiled code looks no more.
+
+        Raises:
+            PolicyError: it is a map of another domain.
+        """
+        if self.distance.shape != (domain.n_visible, len(domain.factors)):
+            raise PolicyError(f"the policy was made for other rocks than those of {domain.name}: make it anew")
+        return self
 
 
 def rock_map(domain: Domain) -> RockMap:
@@ -75,7 +91,14 @@ class AccuracyPolicy:
         """One action an episode."""
         actions = np.zeros(batch.size, dtype=np.int32)
         _accuracy_act(
-            self._map, self.threshold, batch.visible, batch.observation, batch.done, self._rocks, self._checked, actions
+            self._map.of(batch.domain),
+            self.threshold,
+            batch.visible,
+            batch.observation,
+            batch.done,
+            fitting(batch, self._rocks),
+            fitting(batch, self._checked),
+            actions,
         )
         return actions
 
@@ -101,7 +124,14 @@ class BeliefPolicy:
         actions = np.zeros(batch.size, dtype=np.int32)
         columns = batch.domain.feature_columns
         _belief_act(
-            self._map, self.threshold, columns, batch.visible, batch.marginals, batch.done, self._sampled, actions
+            self._map.of(batch.domain),
+            self.threshold,
+            columns,
+            batch.visible,
+            batch.tracked(),
+            batch.done,
+            fitting(batch, self._sampled),
+            actions,
         )
         return actions
 

@@ -12,6 +12,7 @@ from harness.engine.batch import Batch
 from harness.errors import PolicyError
 from harness.model.domain import Domain
 from harness.model.tables import STOP, Records, compiled
+from harness.policy.base import fitting
 from harness.program import Program, parse, words_of
 from harness.program.machine import next_action
 
@@ -49,14 +50,19 @@ class ProgramPolicy:
         self.uses_belief = program.uses_belief
 
     def reset(self, batch: Batch) -> None:
-        """All episodes begin at the top, with nothing checked."""
+        """All episodes begin at the top, with nothing checked.
+
+        Raises:
+            PolicyError: the program was compiled for a domain with other words.
+        """
+        _require_same_words(self.program.words.domain, batch.domain)
         self._place = np.zeros(batch.size, dtype=np.int64)
         self._registers = np.full((batch.size, len(self.program.words.checks)), -1, dtype=np.int32)
         self._last = np.full(batch.size, STOP, dtype=np.int32)
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """Run every episode's program up to its next operation."""
-        words = self.program.words
+        words, last = self.program.words, fitting(batch, self._last)
         _act(
             self.program.code,
             self.program.loop,
@@ -65,13 +71,20 @@ class ProgramPolicy:
             batch.domain.visible_values,
             batch.visible,
             batch.observation,
-            batch.marginals,
+            batch.tracked() if self.program.uses_belief else batch.marginals,
             batch.done,
-            self._place,
-            self._registers,
-            self._last,
+            fitting(batch, self._place),
+            fitting(batch, self._registers),
+            last,
         )
-        return self._last
+        return last
+
+
+def _require_same_words(mine: Domain, other: Domain) -> None:
+    """Compiled code finds actions, observations, beliefs and visible numbers by their index."""
+    for what in ("actions", "observations", "factor_labels", "visible_names"):
+        if getattr(mine, what) != getattr(other, what):
+            raise PolicyError(f"the program was compiled for {mine.name}, not for {other.name}: parse it again")
 
 
 @compiled

@@ -38,7 +38,7 @@ class RolloutPolicy(Stateless):
         seeds = (batch.uniform() * 2.0**53).astype(np.uint64)
         domain = batch.domain
         _rollout_act(
-            domain.tables, domain.discount, self.simulations, self.horizon, batch.visible, batch.marginals, batch.done,
+            domain.tables, domain.discount, self.simulations, self.horizon, batch.visible, batch.tracked(), batch.done,
             seeds, actions,
         )  # fmt: skip
         return actions

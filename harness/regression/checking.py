@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tqdm.auto import tqdm
 
+from harness import locking
 from harness.errors import HarnessError
 from harness.regression import scoring, stored
 from harness.regression.judging import Outcome, ScoreCheck, judge
@@ -90,9 +91,14 @@ def update_scores(path: str | Path = "scores.toml", *, progress: bool = False) -
         What became of each row, in order, then the stored scores that were dropped because their row has vanished.
 
     Raises:
-        HarnessError: the file is wrong, or a score is no finite number.
+        HarnessError: the file is wrong or another process updates it, or a score is no finite number.
     """
-    file = _read(Path(path))
+    with locking.alone_on(Path(path)):
+        return _update(Path(path), progress)
+
+
+def _update(path: Path, progress: bool) -> list[Move]:
+    file = _read(path)
     moves = []
     for task in _shown(_tasks(file), "update", progress):
         before = file.stored.get(task.row.key) if task.row.key not in file.damaged else None
