@@ -10,16 +10,21 @@ from numpy.typing import NDArray
 from harness.engine.batch import Batch
 from harness.model.domain import Domain
 from harness.model.tables import compiled
+from harness.policy.base import fitting
 from harness.solver.solution import Solution
 
 
 class _Nodes(NamedTuple):
-    action: NDArray[np.int16]
-    first: NDArray[np.int64]
+    action: NDArray[np.int32]
+    first: NDArray[np.int32]
     edge_visible: NDArray[np.int32]
     edge_reading: NDArray[np.int32]
     edge_node: NDArray[np.int32]
     fallback: NDArray[np.int32]
+
+    def __deepcopy__(self, memo: object) -> _Nodes:
+        """Itself: nobody writes to it, so copies of a policy share it."""
+        return self
 
 
 class PolicyGraph:
@@ -34,19 +39,17 @@ class PolicyGraph:
     def __init__(self, domain: Domain, solution: Solution) -> None:
         """``solution``: as stored by ``harness solve``."""
         arrays = solution.arrays
-        self._nodes = _Nodes(*(np.ascontiguousarray(arrays[name]) for name in _Nodes._fields))
+        self._nodes = _Nodes(*(np.ascontiguousarray(arrays[name], dtype=np.int32) for name in _Nodes._fields))
         self.record = solution.record
 
     def reset(self, batch: Batch) -> None:
         """All episodes begin at the root."""
-        self._at = np.zeros(batch.size, dtype=np.int64)
-        if self._nodes.action[0] < 0:
-            self._at[:] = -1
+        self._at = np.full(batch.size, 0 if self._nodes.action[0] >= 0 else -1)
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """One action an episode."""
         actions = np.zeros(batch.size, dtype=np.int32)
-        _act(self._nodes, batch.step, batch.visible, batch.observation, batch.done, self._at, actions)
+        _act(self._nodes, batch.step, batch.visible, batch.observation, batch.done, fitting(batch, self._at), actions)
         return actions
 
 

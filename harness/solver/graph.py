@@ -23,11 +23,11 @@ def policy_arrays(course: Course) -> dict[str, NDArray[Any]]:
     action, first, visible, reading, node = _reached(course.graph, course.branches)
     return {
         "action": action,
-        "first": first,
+        "first": first.astype(np.int32),
         "edge_visible": visible,
         "edge_reading": reading,
         "edge_node": node,
-        "fallback": course.floor_action,
+        "fallback": course.floor_action.astype(np.int16),
     }
 
 
