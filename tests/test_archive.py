@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import io
 import json
+import pickle
 import shutil
 import tracemalloc
 import zipfile
@@ -332,3 +334,27 @@ def test_arrays_come_back_as_they_were_written(tmp_path):
         assert np.array_equal(back[name], array)
         assert back[name].dtype == array.dtype
         assert back[name].flags.writeable
+
+
+def test_an_unpickled_domain_equals_the_original(rocksample, bordercross, tmp_path):
+    again = pickle.loads(pickle.dumps(rocksample))
+    assert again is not rocksample
+    assert again == rocksample
+    assert hash(again) == hash(rocksample)
+    assert harness.evaluate(again, "belief", episodes=20, engine="tables").returns.tolist() == (
+        harness.evaluate(rocksample, "belief", episodes=20, engine="tables").returns.tolist()
+    )
+    domain.save(rocksample, tmp_path / "again.npz")
+    assert domain.read(tmp_path / "again.npz") == rocksample
+    assert rocksample != bordercross
+    assert rocksample != rocksample.name
+    assert bordercross.shaped("potential") != bordercross
+    assert replace(rocksample, version=rocksample.version + 1) != rocksample
+    changed = {**rocksample.arrays, "outcome_reward": rocksample.arrays["outcome_reward"] + 1}
+    assert replace(rocksample, arrays=changed) != rocksample
+
+
+def test_a_pickled_domain_leaves_live_julia_behind(rocksample):
+    live = replace(rocksample, live=lambda: "no pickle takes this")
+    assert pickle.loads(pickle.dumps(live)).live is None
+    assert copy.deepcopy([live])[0] is live

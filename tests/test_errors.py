@@ -21,7 +21,7 @@ from harness.errors import HarnessError, nearest, quoted, sentence
         ("\u202eright to left", r"'\u202eright to left'"),
         ("\udc80", r"'\udc80'"),
         (Path("folder/file"), "'folder/file'"),
-        (Path("x" * 70 + "/\n/file.jl"), f"'… {'x' * 46}/\\n/file.jl'"),
+        (Path("x" * 70 + "/\n/file.jl"), f"'… {'x' * 47}/\\n/file.jl'"),
         (0.25, "0.25"),
         ([1, "a"], "[1, 'a']"),
         ("x" * 60, f"'{'x' * 60}'"),

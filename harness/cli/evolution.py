@@ -30,6 +30,7 @@ def register(commands: Any) -> None:
     evolve.add_argument(
         "--parameters", type=Path, metavar="FILE", help="a TOML file of the parameters below; options go before it"
     )
+    evolve.add_argument("--allow-code", action="store_true", help="with --resume: load the file that the run is on")
     group = evolve.add_argument_group("parameters of the run (defaults: the paper's Table 2 where it gives one)")
     for f in fields(Parameters):
         option, help_text = f"--{f.name.replace('_', '-')}", f.metadata["help"]
@@ -57,7 +58,9 @@ def _evolve(options: argparse.Namespace) -> None:
     try:
         if options.resume:
             _refuse_changes(options, given)
-            result = runs.resume(options.resume, generations=given.get("generations"), **execution)
+            result = runs.resume(
+                options.resume, generations=given.get("generations"), allow_code=options.allow_code, **execution
+            )
         else:
             if options.domain is None or options.out is None:
                 raise HarnessError("evolve needs a DOMAIN and --out DIR for the run's files, or --resume DIR")
@@ -72,7 +75,8 @@ def _evolve(options: argparse.Namespace) -> None:
             )
     except KeyboardInterrupt:
         if (folder / "config.json").exists() or any(folder.glob("*/config.json")):
-            print(f"stopped; go on with: harness evolve --resume {folder}")
+            own = options.allow_code or Path(options.domain or "").suffix in (".jl", ".npz")
+            print(f"stopped; go on with: harness evolve --resume {folder}{' --allow-code' if own else ''}")
         raise
     if isinstance(result, Evolution):
         _report_one(result, folder)

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import joblib
-from tqdm.auto import tqdm
 
 from harness import files, host, locking
 from harness.errors import HarnessError
@@ -21,6 +20,7 @@ from harness.ge.parameters import Parameters, from_record
 from harness.ge.results import Evolution, Evolutions
 from harness.ge.search import Setup, config_of, prepare, restore, run
 from harness.model.domain import Domain
+from harness.progress import Bar, Progress
 
 
 @locking.alone
@@ -33,7 +33,7 @@ def evolve(
     engine: str = "tables",
     workers: int | None = None,
     backend: str = "loky",
-    progress: bool = False,
+    progress: Progress = False,
     **parameters: Any,
 ) -> Evolution | Evolutions:
     """Evolve a program for a domain by grammatical evolution.
@@ -48,7 +48,8 @@ def evolve(
             programs are the same, and found many times faster.
         workers: threads of one run, processes of many (default: as many as there are cores); they change no number.
         backend: joblib's backend for many runs: ``loky`` (processes), ``threading``, ``dask``, …
-        progress: show a progress bar on a terminal.
+        progress: True for a bar on a terminal, or a function that is called with the number of generations finished
+            since its last call.
         parameters: of the run, see :class:`harness.ge.parameters.Parameters`: ``population``, ``generations``,
             ``episodes``, ``seed``, ``shaping``, ``loop``, ``tournament``, ``crossover``, ``mutation``, …
 
@@ -84,7 +85,8 @@ def resume(
     generations: int | None = None,
     workers: int | None = None,
     backend: str = "loky",
-    progress: bool = False,
+    allow_code: bool = False,
+    progress: Progress = False,
 ) -> Evolution | Evolutions:
     """Go on with what :func:`harness.evolve` began in a folder; the end is the same as without the interruption.
 
@@ -93,7 +95,9 @@ def resume(
         generations: go on for longer than the run was meant to.
         workers: threads of one run, processes of many.
         backend: joblib's backend for many runs.
-        progress: show a progress bar on a terminal.
+        allow_code: load the domain even where the folder names a file, a snapshot or a Julia file.
+        progress: True for a bar on a terminal, or a function that is called with the number of generations finished
+            since its last call.
 
     Raises:
         HarnessError: the folder holds no run, a damaged one, or one on another model of the domain.
@@ -103,8 +107,8 @@ def resume(
     folders = _planned(parent, generations) or folders_of(parent)
     if not folders:
         folder = RunFolder(parent)
-        return _one(_restored(folder, workers or host.cores(), generations), folder, progress)
-    setups = [_restored(folder, 1, generations) for folder in folders]
+        return _one(_restored(folder, workers or host.cores(), generations, allow_code), folder, progress)
+    setups = [_restored(folder, 1, generations, allow_code) for folder in folders]
     return _many(setups, folders, parent, workers, backend, progress)
 
 
@@ -141,8 +145,8 @@ def _with(config: Mapping[str, Any], **parameters: int) -> dict[str, Any]:
     return {**config, "parameters": {**config["parameters"], **parameters}}
 
 
-def _restored(folder: RunFolder, workers: int, generations: int | None) -> Setup:
-    setup = restore(folder, workers, generations)
+def _restored(folder: RunFolder, workers: int, generations: int | None, allow_code: bool) -> Setup:
+    setup = restore(folder, workers, generations, allow_code)
     state = folder.state()
     if generations is not None:
         if state and generations < state.generation:
@@ -167,7 +171,7 @@ def _check_runs(runs: int, workers: int | None) -> None:
         raise HarnessError(f"workers must be 1 or more, not {workers}")
 
 
-def _one(setup: Setup, folder: RunFolder | None, progress: bool) -> Evolution:
+def _one(setup: Setup, folder: RunFolder | None, progress: Progress) -> Evolution:
     with _bar(setup.parameters.generations + 1, progress) as bar:
 
         def watch(row: Mapping[str, Any]) -> None:
@@ -184,7 +188,7 @@ def _many(
     parent: Path,
     workers: int | None,
     backend: str,
-    progress: bool,
+    progress: Progress,
 ) -> Evolutions:
     """All runs, as many at a time as there are workers. What is on disk tells how far they are."""
     tasks = [joblib.delayed(_in_worker)(*pair) for pair in zip(setups, folders, strict=True)]
@@ -208,17 +212,20 @@ def _in_worker(setup: Setup, folder: RunFolder) -> Evolution:
         return run(setup, folder, lambda row: None)
 
 
-def _bar(total: int, progress: bool) -> Any:
-    return tqdm(total=total, unit="gen", disable=None if progress else True)
+def _bar(total: int, progress: Progress) -> Bar:
+    return Bar(progress, total, unit="gen", leave=True)
 
 
 @contextlib.contextmanager
-def _watching(folders: Sequence[RunFolder], bar: Any) -> Iterator[None]:
+def _watching(folders: Sequence[RunFolder], bar: Bar) -> Iterator[None]:
     done = threading.Event()
+
+    def count() -> None:
+        bar.update(sum(folder.rows_written() for folder in folders) - bar.n)
 
     def watch() -> None:
         while not done.wait(1.0):
-            bar.update(sum(folder.rows_written() for folder in folders) - bar.n)
+            count()
 
     thread = threading.Thread(target=watch, daemon=True)
     thread.start()
@@ -227,3 +234,4 @@ def _watching(folders: Sequence[RunFolder], bar: Any) -> Iterator[None]:
     finally:
         done.set()
         thread.join()
+        count()

@@ -81,14 +81,14 @@ def config_of(setup: Setup, name: str) -> dict[str, Any]:
     }
 
 
-def restore(folder: RunFolder, workers: int, generations: int | None = None) -> Setup:
+def restore(folder: RunFolder, workers: int, generations: int | None = None, allow_code: bool = False) -> Setup:
     """The setup of a run that has a folder; with ``generations``, to go on for longer than it was meant to.
 
     Raises:
-        HarnessError: the folder is damaged, or its domain is no longer the same.
+        HarnessError: the folder is damaged, its domain is no longer the same, or is a file and ``allow_code`` is False.
     """
     config = folder.config()
-    domain = registry.load(config["domain"])
+    domain = registry.load_from_data(config["domain"], allow_code)
     if domain.model_hash != config["model_hash"]:
         raise HarnessError(
             f"{folder.path} was begun on version {config.get('domain_version')} of {config['domain']}, another model "

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -86,8 +86,24 @@ class Domain:
     live: Any = field(default=None, repr=False)
     """The Julia model, for a domain made from live Julia; None for a named instance."""
 
-    def __deepcopy__(self, memo: object) -> Domain:
-        """Itself: a domain never changes, so copies of what holds it (a policy) share it."""
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same model under the same name, version and shaping, read from wherever."""
+        return self is other or (isinstance(other, Domain) and self._identity == other._identity)
+
+    def __hash__(self) -> int:
+        """Of what makes two equal."""
+        return hash(self._identity)
+
+    @cached_property
+    def _identity(self) -> tuple[str, int, str, str]:
+        return self.name, self.version, self.shaping, self.model_hash
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields without the live Julia model, which lives in this process only."""
+        return {each.name: getattr(self, each.name) for each in fields(self)} | {"live": None}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Domain:
+        """Itself: nothing in it changes, and copies of policies that hold a domain shall not hold all its arrays."""
         return self
 
     @property

@@ -55,15 +55,16 @@ class Measurement:
     seconds: float = 0.0
 
 
-def task(row: Row) -> Task:
-    """Load what a row names.
+def task(row: Row, allow_code: bool = False) -> Task:
+    """Load what a row names; files only with ``allow_code``.
 
     Raises:
         HarnessError: the domain, the policy or the engine is unknown or cannot be used.
     """
-    domain = registry.load(row.domain).shaped("none")
+    domain = registry.load_from_data(row.domain, allow_code).shaped("none")
     engine = engines.choose(row.engine, domain)
-    return Task(dataclasses.replace(row, engine=engine), domain, policies.make(row.policy, domain)[1])
+    policy = policies.make_from_data(row.policy, domain, allow_code)[1]
+    return Task(dataclasses.replace(row, engine=engine), domain, policy)
 
 
 def measure(task: Task, stored: StoredScore | None) -> Measurement:

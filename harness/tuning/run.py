@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm.auto import tqdm
 
 from harness import engine as engines
 from harness import files, host, locking, registry
+from harness import policy as policies
 from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, mean_and_sem
+from harness.progress import Bar, Progress
 from harness.tuning import journal, objective
 from harness.tuning.ascent import ForwardDifference
 from harness.tuning.cmaes import CmaEs
@@ -54,7 +55,7 @@ def tune(
     workers: int | None = None,
     out: str | Path | None = None,
     resume: bool = False,
-    progress: bool = False,
+    progress: Progress = False,
     **settings: float,
 ) -> Tuned:
     """Tune the numbers in a policy.
@@ -76,7 +77,8 @@ def tune(
         workers: threads of the tables engine; the numbers do not depend on it.
         out: a folder for ``config.json``, ``history.csv`` and ``result.json``; of a program also ``best.txt``.
         resume: go on with the run in ``out``, which must have been started with these same arguments.
-        progress: show a progress bar.
+        progress: True for a bar on a terminal, or a function that is called with the number of iterations finished
+            since its last call.
         settings: of the method (the fields of its class), such as ``epsilon`` or ``iterations``.
 
     Raises:
@@ -108,8 +110,7 @@ def tune(
     config = {"run": parameters, "versions": host.versions("numpy", "numba", "cma"), "engine": engine}
     kept = journal.Journal(subject.names, None if out is None else Path(out))
     kept.begin(config, resume)
-    hide = None if progress else True  # None: show it on a terminal only
-    with tqdm(desc=f"{method} from {brief(start)}", unit=" iterations", leave=False, disable=hide) as bar:
+    with Bar(progress, desc=f"{method} from {brief(start)}", unit=" iterations") as bar:
         played = Episodes(domain, subject, seed, horizon, measure, engine, workers)
 
         def show(theta: Vector, value: float) -> None:
@@ -153,7 +154,10 @@ def resume(folder: str | Path, **given: Any) -> Tuned:
     if "method" in given:  # before the settings, which belong to it
         journal.check_same({"method": stored["method"]}, {"method": given["method"]}, Path(folder))
     named, shaping = stored.pop("domain"), stored.pop("shaping")
-    domain = registry.load(given.pop("domain", named)).shaped(shaping)
+    if "policy" not in given:
+        policies.check_from_data(stored["policy"])
+    loaded = registry.load(given.pop("domain")) if "domain" in given else registry.load_from_data(named)
+    domain = loaded.shaped(shaping)
     return tune(domain, out=folder, resume=True, **(stored | given))
 
 

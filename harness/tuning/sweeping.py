@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm.auto import tqdm
 
 from harness import engine as engines
 from harness import host, locking, registry
+from harness import policy as policies
 from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, evaluate
+from harness.progress import Bar, Progress
 from harness.tuning import journal
 from harness.tuning.method import MOST_EPISODES, MOST_STEPS, check_number
 from harness.tuning.rows import SWEEP, Rows
@@ -44,7 +45,7 @@ def sweep(
     workers: int | None = None,
     out: str | Path | None = None,
     resume: bool = False,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> pd.DataFrame:
     """Score a policy at many values of one of its numbers, on the same random numbers throughout.
 
@@ -63,7 +64,8 @@ def sweep(
         workers: threads of the tables engine.
         out: a folder for ``sweep.json`` and ``sweep.csv``, which has every row as soon as it is known.
         resume: go on with the sweep in ``out``, which must have been started with these same arguments.
-        progress: show a progress bar.
+        progress: True for a bar on a terminal, or a function that is called with the number of points finished since
+            its last call.
 
     Returns:
         One row a value: ``policy`` (its string), the number under its own name, and the fields of a Score. Each row is
@@ -96,16 +98,22 @@ def sweep(
     config = {"run": parameters, "versions": host.versions("numpy", "numba"), "engine": engine}
     kept = Rows(subject.names[k], None if out is None else Path(out))
     kept.begin(config, resume)
-    hide = None if progress else True  # None: show it on a terminal only
-    for i, x in enumerate(tqdm(values, desc=f"sweep of {subject.names[k]}", unit="point", leave=False, disable=hide)):
-        theta = subject.start.copy()
-        theta[k] = x
-        if kept.has(i, subject.text(theta), x, episodes):
-            continue
-        result = evaluate(
-            domain, subject.policy(theta), episodes=episodes, seed=seed, horizon=horizon, engine=engine, workers=workers
-        )
-        kept.add(subject.text(theta), x, result.score)
+    with Bar(progress, len(values), desc=f"sweep of {subject.names[k]}", unit="point") as bar:
+        for i, x in enumerate(values):
+            theta = subject.start.copy()
+            theta[k] = x
+            if not kept.has(i, subject.text(theta), x, episodes):
+                played = evaluate(
+                    domain,
+                    subject.policy(theta),
+                    episodes=episodes,
+                    seed=seed,
+                    horizon=horizon,
+                    engine=engine,
+                    workers=workers,
+                )
+                kept.add(subject.text(theta), x, played.score)
+            bar.update()
     return kept.table()
 
 
@@ -124,7 +132,10 @@ def resume(folder: str | Path, domain: Domain | str | None = None, **execution: 
     stored = journal.read_parameters(Path(folder), SWEEP)
     stored.pop("model_hash")
     named = stored.pop("domain")
-    return sweep(named if domain is None else domain, **stored, out=folder, resume=True, **execution)
+    policies.check_from_data(stored["policy"])
+    return sweep(
+        registry.load_from_data(named) if domain is None else domain, **stored, out=folder, resume=True, **execution
+    )
 
 
 def _values(
