@@ -1,8 +1,7 @@
 """The solver's course of work: a grid, trials on it, a finer grid, more trials, until the bounds are as close as asked.
 
-The work is cut by its amount, not by the clock: as much is spent on trials as the grid cost, then the grid is given three
-times the cells. So the bounds after so many blocks are the same on any machine, and a run that was stopped and taken up
-again ends where one that was not would have.
+The work is cut by its amount, not by the clock: about as much is spent on trials as the grid cost, then the grid is
+given four times the cells. So the bounds after so many blocks are the same on any machine.
 """
 
 from __future__ import annotations
@@ -96,7 +95,9 @@ def begin(domain: Domain) -> Course:
     value[:] = np.nextafter(np.float32(max(0.0, b.reward.max()) / (1.0 - b.discount)), np.float32(np.inf))
     value[:, terminal] = 0.0
     graph = search.empty(b, 20_000, 100_000)
-    course = Course(domain, b, floor, action, levels, value, graph, 0, 0, np.ones(levels.cells, dtype=np.bool_), False, 0)
+    course = Course(
+        domain, b, floor, action, levels, value, graph, 0, 0, np.ones(levels.cells, dtype=np.bool_), False, 0
+    )
     starts = roots(domain)
     if len(starts) > 1:
         raise HarnessError(f"{domain.name} starts in {len(starts)} visible values or readings; one is needed")
@@ -106,11 +107,14 @@ def begin(domain: Domain) -> Course:
 
 def roots(domain: Domain) -> list[tuple[int, NDArray[np.float64]]]:
     """Visible values and beliefs (N,) that episodes can start in."""
-    return [(int(v), row.copy()) for v, row in zip(domain.arrays["prior_visible"], domain.arrays["prior_marginals"], strict=True)]
+    return [
+        (int(v), row.copy())
+        for v, row in zip(domain.arrays["prior_visible"], domain.arrays["prior_marginals"], strict=True)
+    ]
 
 
 def blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:
-    """Work on until the bounds are within ``gap``; yields after about a second's work, last when there is no more to do.
+    """Work on until the bounds are within ``gap`` or nothing is left to do; yields after about a second's work.
 
     ``memory``: bytes that the grid and the graph may take.
     """
@@ -118,16 +122,16 @@ def blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:
         if not course.still:
             course = _swept(course)
         elif course.quota > 0:
-            made = course.graph.count[N_NODES]
+            made = course.graph.counts[N_NODES]
             course = _tried(course, gap, memory)
-            if course.graph.count[N_NODES] == made and course.upper - course.lower > gap:
+            if course.graph.counts[N_NODES] == made and course.upper - course.lower > gap:
                 course = replace(course, quota=0)
         else:
             finer = _finer(course, memory)
             if finer is None:
-                made = course.graph.count[TRIALS]
+                made = course.graph.counts[TRIALS]
                 course = _tried(course, gap, memory)
-                if course.graph.count[TRIALS] == made:
+                if course.graph.counts[TRIALS] == made:
                     return
             else:
                 course = finer
@@ -169,14 +173,14 @@ def _swept(course: Course) -> Course:
 def _tried(course: Course, gap: float, memory: int) -> Course:
     """Trials for about a second, with more room if they need it."""
     graph = course.graph
-    made = int(graph.count[N_NODES])
+    made = int(graph.counts[N_NODES])
     search.trials(graph, course.model, gap, 200)
-    room = min(len(graph.visible) - graph.count[N_NODES], len(graph.child) - graph.count[N_EDGES])
+    room = min(len(graph.visible) - graph.counts[N_NODES], len(graph.child) - graph.counts[N_EDGES])
     if room < search.room(course.branches):
         larger = search.grown(graph, course.branches, 2 * len(graph.visible), 2 * len(graph.child))
         if course.value.nbytes + sum(array.nbytes for array in larger) <= memory:
             graph = larger
-    return replace(course, graph=graph, quota=course.quota - (int(graph.count[N_NODES]) - made))
+    return replace(course, graph=graph, quota=course.quota - (int(graph.counts[N_NODES]) - made))
 
 
 def _finer(course: Course, memory: int) -> Course | None:
@@ -192,4 +196,12 @@ def _finer(course: Course, memory: int) -> Course | None:
     if levels.cells == old.cells and course.stage > 0:
         return None
     value = grid.finer(course.value, old, levels, course.domain.factor_sizes)
-    return replace(course, levels=levels, value=value, stage=course.stage + 1, sweeps=0, still=False, moved=np.ones(levels.cells, dtype=np.bool_))
+    return replace(
+        course,
+        levels=levels,
+        value=value,
+        stage=course.stage + 1,
+        sweeps=0,
+        still=False,
+        moved=np.ones(levels.cells, dtype=np.bool_),
+    )

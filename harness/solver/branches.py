@@ -97,8 +97,7 @@ def _branches(
                             visible.append(np.int32(v))
                             reading.append(np.int32(o if q >= 0 else -1))
                             start.append(np.int64(len(matrix)))
-                            for _ in range(n * n):
-                                matrix.append(0.0)
+                            matrix.extend([0.0] * (n * n))
                         xp = outcomes[j].value if k >= 0 else 0
                         matrix[start[slot[v, o]] + xp * n + x] += p
         first_branch[va + 1] = len(visible)

@@ -17,8 +17,8 @@ def policy_arrays(course: Course) -> dict[str, NDArray[Any]]:
     """The lower bound's policy from the start.
 
     Nodes are numbered from 0, the root. ``action`` (nodes,) is what a node does; its children are the entries
-    ``first … first of the next − 1`` of ``edge_visible``, ``edge_reading`` (the next visible value and reading, −1: none)
-    and ``edge_node``. Where there is no child, the policy goes on by the visible value alone: ``fallback`` (V,).
+    ``first … first of the next − 1`` of ``edge_visible``, ``edge_reading`` (the next visible value and reading, −1:
+    none) and ``edge_node``. Where there is no child, the policy goes on by the visible value alone: ``fallback`` (V,).
     """
     action, first, visible, reading, node = _reached(course.graph, course.branches)
     return {
@@ -35,7 +35,7 @@ def policy_arrays(course: Course) -> dict[str, NDArray[Any]]:
 def _reached(
     g: Graph, b: Branches
 ) -> tuple[NDArray[np.int16], NDArray[np.int64], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-    number = np.full(g.count[N_NODES], -1, dtype=np.int32)
+    number = np.full(g.counts[N_NODES], -1, dtype=np.int32)
     order = [0]
     action = [np.int16(0) for _ in range(0)]
     first = [np.int64(0)]

@@ -1,19 +1,20 @@
 """The product-grid upper bound: the optimal value can be no larger than that of an MDP over a few beliefs a factor.
 
-A step moves the belief of one factor, along a straight line or within a small simplex, and the optimal value V* is convex
-there; so V*(posterior) is at most a mixture of V* at levels (:mod:`harness.solver.levels`), and the backup
+A step moves the belief of one factor, along a straight line or within a small simplex, and the optimal value V* is
+convex there; so V*(posterior) is at most a mixture of V* at levels (:mod:`harness.solver.levels`), and the backup
 
     U(v, g) ← max_a R(v, g, a) + γ Σ_branches Pr(branch) Σ_m w_m U(v', g with level m)
 
-keeps U above V* wherever it was. With the corners only this is the fully observed problem; with {0, ½, 1} a reading either
-tells all or nothing.
+keeps U above V* wherever it was. With the corners only this is the fully observed problem; with {0, ½, 1} a reading
+either tells all or nothing.
 
-**Why the numbers are bounds, after rounding too.** Each stored value is at least V* at its belief; by induction over the
-updates. At first all values are the largest reward over 1 − γ, or mixtures of valid values. A backup of valid values is
-valid (V* = T V* ≤ T U), and so is one in which an action's own share s of the same cell is solved for, (rest)/(1 − s):
-V* ≤ rest + s·V*. Moves that touch no factor are solved within a cell, from below, to a residual; the residual over 1 − γ is
-added. Sums run in float64 over at most some hundred terms, whose rounding is below ``slack``, added before the value is
-rounded up to float32. The minimum of the old and the new value, both valid, is kept: bounds fall only.
+**Why the numbers are bounds, after rounding too.** Each stored value is at least V* at its belief; by induction over
+the updates. At first all values are the largest reward over 1 − γ, or mixtures of valid values. A backup of valid
+values is valid (V* = T V* ≤ T U), and so is one in which an action's own share s of the same cell is solved for,
+(rest)/(1 − s): V* ≤ rest + s·V*. Moves that touch no factor are solved within a cell, from below, to a residual; the
+residual over 1 − γ is added. Sums run in float64 over at most some hundred terms, whose rounding is below ``slack``,
+added before the value is rounded up to float32. The minimum of the old and the new value, both valid, is kept: bounds
+only fall.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ UP = 1.2e-7
 
 
 class Rows(NamedTuple):
-    """Backups as rows: for visible value ``at``, ``reward + Σ weight · U(cell + step, visible)`` over the row's entries.
+    """Backups: for visible value ``at``, ``reward + Σ weight · U(cell + step, visible)`` over the row's entries.
 
     Entries are shared by all cells: they say how far to go from a cell. The share that stays in the very same cell is
     solved for.
@@ -86,14 +87,6 @@ def backups(b: Branches, levels: Levels, floor: NDArray[np.float64]) -> Backups:
     return Backups(moves, group, _chosen(rows, sparse), *blocks)
 
 
-def rows_of(b: Branches, levels: Levels) -> tuple[NDArray[np.int64], Rows]:
-    """(V·A,) the first row of each choice, −1 at terminal values, and all rows, one a level of the choice's factor."""
-    k, level, rows = _rows(b, levels.offset, levels.point, levels.stride)
-    row = np.full(len(b.factor), -1, dtype=np.int64)
-    row[b.first_row >= 0] = np.flatnonzero(level == 0)
-    return row, rows
-
-
 def _chosen(rows: Rows, which: NDArray[np.intp]) -> Rows:
     """Some of the rows, in the order given."""
     counts = np.diff(rows.first)[which]
@@ -106,7 +99,9 @@ def _chosen(rows: Rows, which: NDArray[np.intp]) -> Rows:
 
 def _blocks(
     b: Branches, rows: Rows, place: NDArray[np.int64], levels: Levels
-) -> tuple[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]], Any]:
+) -> tuple[
+    tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]], Any
+]:
     """Rows at most visible values that stay there, gathered so that one loop over the values does them all."""
     taken = np.zeros(len(place), dtype=np.bool_)
     entry_row = np.repeat(np.arange(len(place)), np.diff(rows.first))
@@ -161,16 +156,16 @@ def _rows(
             continue
         k = b.factor[va]
         n = 1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]
-        for l in range(1 if k < 0 else offset[k + 1] - offset[k]):
+        for place in range(1 if k < 0 else offset[k + 1] - offset[k]):
             begin, paid, rest = len(visible), 0.0, 1.0
             for x in range(n):
-                paid += (1.0 if k < 0 else point[offset[k] + l, x]) * b.reward[b.first_row[va] + x]
+                paid += (1.0 if k < 0 else point[offset[k] + place, x]) * b.reward[b.first_row[va] + x]
             for i in range(b.first_branch[va], b.first_branch[va + 1]):
                 v, total = b.branch[i].visible, 0.0
                 for xp in range(n):
                     posterior[xp] = 0.0
                     for x in range(n):
-                        p = 1.0 if k < 0 else point[offset[k] + l, x]
+                        p = 1.0 if k < 0 else point[offset[k] + place, x]
                         posterior[xp] += b.matrix[b.branch[i].matrix + xp * n + x] * p
                     total += posterior[xp]
                 if b.branch[i].ends or total <= 0.0:
@@ -182,7 +177,7 @@ def _rows(
                         posterior[x] /= total
                     count = mixture(offset, point, k, n, posterior, 0, level, share)
                 for e in range(count):
-                    ahead = np.int64(0) if k < 0 else (level[e] - l) * stride[k]
+                    ahead = np.int64(0) if k < 0 else (level[e] - place) * stride[k]
                     w = b.discount * total * share[e]
                     if v == va // A and ahead == 0:
                         rest -= w
@@ -203,7 +198,7 @@ def _rows(
             for e in range(begin, len(visible)):
                 weight[e] /= rest
             factor.append(np.int64(k))
-            own.append(np.int64(l))
+            own.append(np.int64(place))
             at.append(np.int32(va // A))
             reward.append(paid / rest)
             first.append(np.int64(len(visible)))
@@ -246,8 +241,9 @@ def sweep(
 ) -> float:
     """One pass over cells ``lowest … highest − 1``, in place; the largest fall of a value.
 
-    ``value`` (cells, V); ``floor`` (V,) is a lower bound of the value from which moves within a cell are solved. Only cells
-    are looked at of which a neighbour fell by more than ``enough`` in the last pass (``moved``, (cells,)) or this one (``moving``).
+    ``value`` (cells, V); ``floor`` (V,) is a lower bound of the value from which moves within a cell are solved. Only
+    cells are looked at of which a neighbour fell by more than ``enough`` in the last pass (``moved``, (cells,)) or this
+    one (``moving``).
     """
     m, r = s.moves, s.rows
     m_at, m_reward, m_first, m_visible, m_weight = m.at, m.reward, m.first, m.visible, m.weight
@@ -353,10 +349,8 @@ def grid_value(above: Above, factor_offset: NDArray[np.int64], v: int, belief: N
     return total + 1e-12 * size
 
 
-def finer(
-    value: NDArray[np.float32], old: Levels, new: Levels, sizes: Sequence[int]
-) -> NDArray[np.float32]:
-    """The old grid's values (cells, V) at the cells of a grid with more levels: mixtures, along one factor at a time."""
+def finer(value: NDArray[np.float32], old: Levels, new: Levels, sizes: Sequence[int]) -> NDArray[np.float32]:
+    """The old grid's values (cells, V) on a grid with more levels: mixtures, along one factor at a time."""
     counts = [int(n) for n in old.counts]
     for k, n in enumerate(sizes):
         points = new.point[new.offset[k] : new.offset[k + 1]]

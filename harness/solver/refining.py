@@ -20,8 +20,7 @@ def points_of(levels: Levels, sizes: list[int]) -> list[list[Point]]:
     """The beliefs of every factor's levels."""
     edges = levels.offset
     return [
-        [tuple(float(p) for p in row[:n]) for row in levels.point[edges[k] : edges[k + 1]]]
-        for k, n in enumerate(sizes)
+        [tuple(float(p) for p in row[:n]) for row in levels.point[edges[k] : edges[k + 1]]] for k, n in enumerate(sizes)
     ]
 
 
@@ -57,8 +56,9 @@ def refined(g: Graph, m: Model, levels: Levels, most: int, seed: int) -> list[li
     """The levels with others beside them, as many as ``most`` cells allow, each where it saves most.
 
     What a level saves is judged by the beliefs of greedy runs: between the levels l and r, a convex function may lie
-    below its chord at b by as much as (b − l)(r − b)/(r − l) of its change of slope, here taken to be what it is worth to know
-    the factor's value. For factors of more than two values the part of a belief that no inner level carries takes that place.
+    below its chord at b by as much as (b − l)(r − b)/(r − l) of its change of slope, here taken to be what it is worth
+    to know the factor's value. For factors of more than two values the part of a belief that no inner level carries
+    takes that place.
     """
     b = m.branches
     sizes = np.diff(b.factor_offset).tolist()
@@ -75,7 +75,7 @@ def refined(g: Graph, m: Model, levels: Levels, most: int, seed: int) -> list[li
                     best, choice = saved / (1 + 1 / len(points[k])), (k, point)
         if choice is None:
             return points
-        points[choice[0]] = sorted([*points[choice[0]], choice[1]], key=lambda p: p[1]) if len(choice[1]) == 2 else [*points[choice[0]], choice[1]]
+        points[choice[0]] = [*points[choice[0]], choice[1]]
 
 
 def _met(g: Graph, m: Model, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,15 +1,15 @@
 """Trials over exact beliefs, in the manner of HSVI (Smith and Simmons 2004), on a graph of beliefs that repeat.
 
-A node is a visible value with the marginals of all factors: an exact belief, as factors are independent. It holds a lower
-and an upper bound of V*. A trial follows the action of the highest upper bound and the branch whose bounds are furthest
-apart in expectation, until they are close, and backs up what it passed. Leaves have the product grid's value above
-(:mod:`harness.solver.grid`) and below what can be had whatever is hidden (:func:`harness.solver.grid.robust`).
+A node is a visible value with the marginals of all factors: an exact belief, as factors are independent. It holds a
+lower and an upper bound of V*. A trial follows the action of the highest upper bound and the branch whose bounds are
+furthest apart in expectation, until they are close, and backs up what it passed. Leaves have the product grid's value
+above (:mod:`harness.solver.grid`) and below what can be had whatever is hidden (:func:`harness.solver.grid.robust`).
 
-**Rounding.** The posterior of a step is rounded to multiples of 2⁻⁴³, so that beliefs reached in another order of readings
-are the same node. A node's belief is what it holds: V* there and V* at the exact posterior differ by no more than the span
-of values times the L1 distance, which is below n·2⁻⁴³ for a factor of n values. That, and the rounding of the sums, is
-below ``slack``, which every backup takes off the lower and adds to the upper bound. The bounds of the root are therefore
-bounds of V* at the start.
+**Rounding.** The posterior of a step is rounded to multiples of 2⁻⁴³, so that beliefs reached in another order of
+readings are the same node. A node's belief is what it holds: V* there and V* at the exact posterior differ by no more
+than the span of values times the L1 distance, which is below n·2⁻⁴³ for a factor of n values. That, and the rounding of
+the sums, is below ``slack``, which every backup takes off the lower and adds to the upper bound. The bounds of the root
+are therefore bounds of V* at the start.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Graph(NamedTuple):
     """(edges,)"""
     table: NDArray[np.int64]
     """Open addressing: nodes by the hash of what they are; −1: free. A power of two long."""
-    count: NDArray[np.int64]
+    counts: NDArray[np.int64]
     """(3,) nodes, edges, trials"""
 
 
@@ -93,10 +93,10 @@ def grown(graph: Graph, b: Branches, nodes: int, edges: int) -> Graph:
     """The same graph with room for more."""
     larger = empty(b, nodes, edges)
     for name in ("visible", "belief", "lower", "upper", "action", "ahead", "looked", "first_edge"):
-        getattr(larger, name)[: graph.count[N_NODES]] = getattr(graph, name)[: graph.count[N_NODES]]
+        getattr(larger, name)[: graph.counts[N_NODES]] = getattr(graph, name)[: graph.counts[N_NODES]]
     for name in ("child", "probability"):
-        getattr(larger, name)[: graph.count[N_EDGES]] = getattr(graph, name)[: graph.count[N_EDGES]]
-    larger.count[:] = graph.count
+        getattr(larger, name)[: graph.counts[N_EDGES]] = getattr(graph, name)[: graph.counts[N_EDGES]]
+    larger.counts[:] = graph.counts
     _rehash(larger)
     return larger
 
@@ -104,7 +104,7 @@ def grown(graph: Graph, b: Branches, nodes: int, edges: int) -> Graph:
 @compiled
 def _rehash(g: Graph) -> None:
     mask = len(g.table) - 1
-    for i in range(g.count[N_NODES]):
+    for i in range(g.counts[N_NODES]):
         slot = _hash(g.visible[i], g.belief[i]) & mask
         while g.table[slot] >= 0:
             slot = (slot + 1) & mask
@@ -112,7 +112,7 @@ def _rehash(g: Graph) -> None:
 
 
 @inlined
-def _hash(v: int, belief: NDArray[np.float64]) -> int:
+def _hash(v: int, belief: NDArray[np.float64]) -> np.int64:
     h = np.uint64(v) * np.uint64(0x9E3779B97F4A7C15)
     for x in range(len(belief)):
         h = (h ^ np.uint64(np.int64(belief[x] * SNAP))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -121,9 +121,7 @@ def _hash(v: int, belief: NDArray[np.float64]) -> int:
 
 
 @compiled
-def node_of(
-    g: Graph, m: Model, v: int, belief: NDArray[np.float64]
-) -> int:
+def node_of(g: Graph, m: Model, v: int, belief: NDArray[np.float64]) -> int:
     """The node of an exact belief, made if there is none; there must be room for it."""
     mask = len(g.table) - 1
     slot = _hash(v, belief) & mask
@@ -135,16 +133,16 @@ def node_of(
                 if g.belief[i, x] != belief[x]:
                     same = False
             if same:
-                return i
+                return int(i)
         slot = (slot + 1) & mask
-    i = g.count[N_NODES]
-    g.count[N_NODES] += 1
+    i = g.counts[N_NODES]
+    g.counts[N_NODES] += 1
     g.table[slot] = i
     g.visible[i] = v
     g.belief[i] = belief
     g.lower[i] = m.floor[v]
     g.upper[i] = max(m.floor[v], grid_value(m.above, m.branches.factor_offset, v, belief))
-    return i
+    return int(i)
 
 
 @inlined
@@ -206,9 +204,9 @@ def _expand(g: Graph, m: Model, i: int, a: int) -> None:
     k = b.factor[va]
     n = 1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]
     first = 0 if k < 0 else b.factor_offset[k]
-    edge = g.count[N_EDGES]
+    edge = g.counts[N_EDGES]
     g.first_edge[i, a] = edge
-    g.count[N_EDGES] += b.first_branch[va + 1] - b.first_branch[va]
+    g.counts[N_EDGES] += b.first_branch[va + 1] - b.first_branch[va]
     after = before.copy()
     for j in range(b.first_branch[va], b.first_branch[va + 1]):
         p = _posterior(b, j, n, k, before, first, after, True)
@@ -252,9 +250,11 @@ def _backup(g: Graph, m: Model, i: int) -> None:
 @compiled
 def refresh(g: Graph, m: Model) -> None:
     """Bring a tighter grid to all nodes, the later ones first: most children are younger than their parents."""
-    for i in range(g.count[N_NODES] - 1, -1, -1):
+    for i in range(g.counts[N_NODES] - 1, -1, -1):
         g.looked[i] = False
-        g.upper[i] = min(g.upper[i], max(g.lower[i], grid_value(m.above, m.branches.factor_offset, g.visible[i], g.belief[i])))
+        g.upper[i] = min(
+            g.upper[i], max(g.lower[i], grid_value(m.above, m.branches.factor_offset, g.visible[i], g.belief[i]))
+        )
         expanded = False
         for a in range(m.branches.n_actions):
             expanded = expanded or g.first_edge[i, a] >= 0
@@ -329,7 +329,7 @@ def trials(g: Graph, m: Model, gap: float, most: int) -> int:
     b, deepest, done, need = m.branches, DEEPEST, 0, room(m.branches)
     path = np.zeros(deepest, dtype=np.int64)
     while done < most and g.upper[0] - g.lower[0] > gap:
-        if g.count[N_NODES] + need > len(g.visible) or g.count[N_EDGES] + need > len(g.child):
+        if g.counts[N_NODES] + need > len(g.visible) or g.counts[N_EDGES] + need > len(g.child):
             break
         aim = max(0.5 * gap, 0.9 * (g.upper[0] - g.lower[0]))
         i, depth = 0, 0
@@ -361,5 +361,5 @@ def trials(g: Graph, m: Model, gap: float, most: int) -> int:
             depth -= 1
             _backup(g, m, path[depth])
         done += 1
-        g.count[TRIALS] += 1
+        g.counts[TRIALS] += 1
     return done

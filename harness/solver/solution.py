@@ -24,7 +24,7 @@ _MEND = "solve it again (harness solve)"
 
 @dataclass(frozen=True)
 class Solution:
-    """A solved policy or bound as stored: what the solver said, and its alpha vectors or its policy graph (none for a bound)."""
+    """A solved policy or bound as stored: what the solver said, and alpha vectors or a policy graph, or none."""
 
     record: Mapping[str, Any]
     arrays: Mapping[str, NDArray[Any]]

@@ -35,13 +35,14 @@ Watch = Callable[[float, float, float], object]
 
 @dataclass(frozen=True)
 class Solved:
-    """Bounds of a domain's optimal value, discounted and of the infinite horizon, and a policy that earns the lower one."""
+    """Bounds of a domain's optimal value (discounted, infinite horizon), and a policy that earns the lower one."""
 
     domain: Domain
     lower: float
     upper: float
     history: pd.DataFrame
-    """A row about every second: ``seconds``, ``lower``, ``upper``, ``nodes``, ``trials``, ``cells`` (of the grid), ``megabytes``."""
+    """A row about every second: ``seconds``, ``lower``, ``upper``, ``nodes``, ``trials``, ``cells`` (of the grid),
+    ``megabytes``."""
     solution: Solution
     """The policy as it is stored; :class:`harness.policy.graph.PolicyGraph` plays it."""
     stopped: str
@@ -54,9 +55,15 @@ class Solved:
 
     def plot(self) -> Figure:
         """The bounds over the time, as a matplotlib figure."""
-        from harness.show.figures import bounds_figure
+        from matplotlib.figure import Figure
 
-        return bounds_figure(self.history, self.domain.name)
+        figure = Figure(figsize=(6, 4), layout="constrained")  # inches
+        axes = figure.subplots()
+        for name in ("upper", "lower"):
+            axes.step(self.history["seconds"], self.history[name], where="post", label=f"{name} bound")
+        axes.set(xscale="log", xlabel="seconds", ylabel="discounted value at the start", title=self.domain.name)
+        figure.legend(loc="outside lower center", ncols=2, frameon=False)
+        return figure
 
     def _facts(self) -> dict[str, object]:
         return {
@@ -107,7 +114,8 @@ def solve(
     course = None
     try:
         course = anytime.begin(domain)
-        for course in anytime.blocks(course, gap, int(memory * 1e9)):
+        for latest in anytime.blocks(course, gap, int(memory * 1e9)):
+            course = latest
             rows.append(_row(course, time.monotonic() - begun))
             watch(rows[-1]["seconds"], course.lower, course.upper)
             if seconds is not None and rows[-1]["seconds"] >= seconds:
@@ -142,8 +150,8 @@ def _row(course: anytime.Course, seconds: float) -> dict[str, Any]:
         "seconds": seconds,
         "lower": course.lower,
         "upper": course.upper,
-        "nodes": int(course.graph.count[N_NODES]),
-        "trials": int(course.graph.count[TRIALS]),
+        "nodes": int(course.graph.counts[N_NODES]),
+        "trials": int(course.graph.counts[TRIALS]),
         "cells": course.levels.cells,
         "megabytes": course.memory / 1e6,
     }
