@@ -64,7 +64,7 @@ def refined(g: Graph, m: Model, levels: Levels, most: int, seed: int) -> list[li
     sizes = np.diff(b.factor_offset).tolist()
     points = points_of(levels, sizes)
     met, weight = _met(g, m, seed)
-    while True:
+    while sizes:
         best, choice = 0.0, None
         for k, n in enumerate(sizes):
             cells = int(np.prod([len(p) + (i == k) for i, p in enumerate(points)]))
@@ -74,8 +74,9 @@ def refined(g: Graph, m: Model, levels: Levels, most: int, seed: int) -> list[li
                 if saved / (1 + 1 / len(points[k])) > best:
                     best, choice = saved / (1 + 1 / len(points[k])), (k, point)
         if choice is None:
-            return points
+            break
         points[choice[0]] = [*points[choice[0]], choice[1]]
+    return points
 
 
 def _met(g: Graph, m: Model, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -90,7 +91,7 @@ def _met(g: Graph, m: Model, seed: int) -> tuple[NDArray[np.float64], NDArray[np
                 beliefs.append(belief[t].copy())
                 worth = sensitivity(m.branches, m.above, int(visible[t]), belief[t])
                 weights.append(m.branches.discount**t * worth)
-    return np.array(beliefs).reshape(-1, n), np.array(weights).reshape(-1, len(m.branches.factor_offset) - 1)
+    return np.array(beliefs).reshape(len(beliefs), n), np.array(weights).reshape(len(beliefs), -1)
 
 
 def _best_level(
