@@ -61,9 +61,9 @@ def misuse(capsys, *arguments):
         (["show", "rocksample-7x8", "sarsp"], "did you mean"),
         (["comparre", "rocksample-7x8"], "invalid choice"),
         ([], "required"),
-        (["solve", "rocksample-7x8", "sarsop", "--timeout", "-3"], "'-3' is not a number above 0"),
-        (["solve", "rocksample-7x8", "sarsop", "--precision", "nan"], "'nan' is not a number above 0"),
-        (["solve", "rocksample-7x8", "qmdp", "--timeout", "3"], "timeout is a limit of sarsop and native-sarsop"),
+        (["solve", "rocksample-7x8", "--time", "-3"], "'-3' is not a number above 0"),
+        (["solve", "rocksample-7x8", "--gap", "nan"], "'nan' is not a number above 0"),
+        (["solve", "rocksample-7x8", "--solver", "qmdp", "--time", "3"], "timeout is a limit of sarsop"),
     ],
 )  # fmt: skip
 def test_misuse_gets_one_sentence_and_status_2(capsys, arguments, words):
@@ -89,7 +89,7 @@ def test_julia_without_julia_is_one_sentence(arguments):
 
 @pytest.mark.parametrize(
     "command",
-    [["compare"], ["show", "random"], ["solve", "qmdp"], ["check-domain"], ["policies"], ["tune", "--policy=x"]],
+    [["compare"], ["show", "random"], ["solve"], ["check-domain"], ["policies"], ["tune", "--policy=x"]],
 )
 def test_a_julia_file_without_julia_is_one_sentence_and_imports_no_juliacall(tmp_path, command):
     """Importing juliacall would look for a Julia on the network."""
