@@ -5,19 +5,19 @@
     table = harness.compare(domain)                                  # the baseline table, a pandas DataFrame
     result = harness.evaluate(domain, "belief:0.84", episodes=1000)  # every return of one policy
 
-Importing this package starts no Julia and loads nothing heavy; names are imported when first used.
+Importing this package starts no Julia and loads nothing, not even of Python's own (Ctrl-C in that moment would be a
+traceback of the command's); names are imported when first used.
 """
 
-from __future__ import annotations
-
-import importlib
-from typing import TYPE_CHECKING, Any
-
-from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
+TYPE_CHECKING = False  # type checkers take it for true
+__version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from harness.bridge import from_model
     from harness.engine.batch import Batch
+    from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
     from harness.play.conformance import ConformanceError, check_domain, check_policy
@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
     from harness.reproduction import reproduce
+    from harness.score.aggregation import aggregate
     from harness.score.comparison import compare
+    from harness.score.rendering import render
     from harness.show.figures import compare_figure, draw_beliefs, draw_episode, draw_layout
     from harness.show.replay import replay
     from harness.tuning import Tunable, sweep, tune
@@ -45,6 +47,7 @@ __all__ = [
     "Score",
     "SnapshotError",
     "Tunable",
+    "aggregate",
     "check_domain",
     "check_policy",
     "check_scores",
@@ -58,6 +61,7 @@ __all__ = [
     "from_model",
     "load",
     "names",
+    "render",
     "replay",
     "reproduce",
     "resume",
@@ -73,9 +77,14 @@ _HOME = {
     "ConformanceError": "play.conformance",
     "Domain": "model.domain",
     "Evaluation": "play.evaluation",
+    "HarnessError": "errors",
+    "JuliaError": "errors",
     "Policy": "policy",
+    "PolicyError": "errors",
     "Score": "play.evaluation",
+    "SnapshotError": "errors",
     "Tunable": "tuning",
+    "aggregate": "score.aggregation",
     "check_domain": "play.conformance",
     "check_policy": "play.conformance",
     "check_scores": "regression.checking",
@@ -89,6 +98,7 @@ _HOME = {
     "from_model": "bridge",
     "load": "registry",
     "names": "registry",
+    "render": "score.rendering",
     "replay": "show.replay",
     "reproduce": "reproduction",
     "resume": "ge.runs",
@@ -100,12 +110,16 @@ _HOME = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'harness' has no attribute '{name}'")
-    value = getattr(importlib.import_module(f"harness.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # a type checker shall tell that a name is misspelt
+
+    def __getattr__(name: str) -> "Any":
+        import importlib
+
+        if name not in _HOME:
+            raise AttributeError(f"module 'harness' has no attribute '{name}'")
+        value = getattr(importlib.import_module(f"harness.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

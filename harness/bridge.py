@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import JuliaError
+from harness.errors import JuliaError, quoted
 from harness.model import domain as domains
 from harness.model.domain import Domain
 
@@ -287,13 +287,13 @@ def from_file(path: Path) -> Domain:
     """A domain from a Julia file whose last expression is a POMDPs.jl model.
 
     Raises:
-        JuliaError: the file does not run, or does not end in a POMDP.
+        JuliaError: there is no such file, Julia is not set up, the file does not run, or does not end in a POMDP.
     """
-    import juliacall
-
+    if not os.path.isfile(path):
+        raise JuliaError(f"{quoted(path)}: no such file")
     jl = julia()
-    if not path.is_file():
-        raise JuliaError(f"{path}: no such file")
+    import juliacall  # only now: where no Julia is set up, importing it reaches for the network
+
     scope = juliacall.newmodule("UserModel")
     scope.path = str(path.resolve())
     made = call(scope.seval, "Base.include(@__MODULE__, path)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import json
 import os
 import tempfile
@@ -12,31 +13,74 @@ from typing import Any, BinaryIO
 
 from harness.errors import HarnessError
 
+_NAME = 60  # characters of a file's name in that of its temporary neighbour: file systems end names at 255 bytes
+
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
-    """A file that takes the place of ``path`` when the block ends well: written beside it, then renamed.
+    """A file that takes the place of ``path`` when the block ends well: written beside it, synced, then renamed.
 
-    Whoever reads ``path`` meanwhile finds the old contents or the new ones whole; after an error, the old ones.
+    Whoever reads ``path`` meanwhile finds the old contents or the new ones whole; after an error or a loss of power,
+    the old ones or the new ones. A symbolic link stays one, and a file keeps its mode.
 
     Raises:
         HarnessError: it cannot be written.
     """
+    target = Path(os.path.realpath(path))
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        mode = _mode(target)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:_NAME]}.", suffix=".part")
     except OSError as error:
-        raise HarnessError(f"cannot write {path}: {error.strerror}") from None
+        raise _unwritable(path, error) from None
     try:
         with os.fdopen(handle, "wb") as file:
             yield file
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, mode)
+        os.replace(temporary, target)
+        _sync_folder(target.parent)
     except BaseException as error:
-        Path(temporary).unlink(missing_ok=True)  # an interrupt may come just after the rename
+        with contextlib.suppress(OSError):  # an interrupt may come just after the rename
+            os.unlink(temporary)
         if isinstance(error, OSError):
-            raise HarnessError(f"cannot write {path}: {error.strerror}") from None
+            raise _unwritable(path, error) from None
         raise
+
+
+def _mode(path: Path) -> int:
+    """That of a file that is there already."""
+    if not path.exists():
+        return 0o644
+    if not path.is_file():
+        raise OSError(None, "there is a folder or a device of that name")
+    return path.stat().st_mode & 0o7777
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename in it outlast a loss of power, where the file system can do that for folders."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _unwritable(path: Path, error: OSError) -> HarnessError:
+    return HarnessError(f"cannot write {path}: {error.strerror or error}")
+
+
+def clear(folder: Path, name: str | None = None) -> None:
+    """Remove what processes left that were killed while they wrote: beside the file ``name``, or in all of a folder.
+
+    Only for who knows that no other process writes there (:mod:`harness.locking`).
+    """
+    pattern = "*" if name is None else glob.escape(name[:_NAME])
+    for left in folder.glob(f".{pattern}.*.part"):
+        with contextlib.suppress(OSError):
+            left.unlink()
 
 
 def replace_text(path: Path, text: str) -> None:
@@ -48,3 +92,30 @@ def replace_text(path: Path, text: str) -> None:
 def replace_json(path: Path, record: Any) -> None:
     """Write a JSON file atomically, for people to read too."""
     replace_text(path, json.dumps(record, indent=2) + "\n")
+
+
+def read_text(path: Path, mend: str) -> str:
+    """Read a text file, UTF-8; ``mend`` is what the error message tells the user to do.
+
+    Raises:
+        HarnessError: it is not there, cannot be read, or is no text.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not UTF-8 text"
+        raise HarnessError(f"{path} cannot be read ({reason}); {mend}") from None
+
+
+def read_json(path: Path, mend: str) -> Any:
+    """Read a JSON file; ``mend`` is what the error message tells the user to do.
+
+    Raises:
+        HarnessError: it is not there, cannot be read, or is no JSON.
+    """
+    try:
+        return json.loads(read_text(path, mend))
+    except HarnessError:
+        raise
+    except (ValueError, RecursionError):  # also numbers of thousands of digits, and nesting without end
+        raise HarnessError(f"{path} cannot be read (not JSON); {mend}") from None

@@ -6,7 +6,7 @@ import functools
 from pathlib import Path
 
 from harness import bridge
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.model import domain
 from harness.model.domain import Domain
 
@@ -33,10 +33,29 @@ def load(name: str | Path) -> Domain:
         return domain.read(path)
     if name not in names():
         raise HarnessError(
-            f"no domain '{name}'{nearest(str(name), names())} "
+            f"no domain {quoted(name)}{nearest(str(name), names())} "
             f"(known: {', '.join(names())}; or a .npz snapshot, or a .jl file)"
         )
     return _shipped(str(name))
+
+
+def load_from_data(name: str, allow_code: bool = False) -> Domain:
+    """:func:`load` for a name that stands in data (a table, a list of scores, a run's record).
+
+    Data never decides which files are read or run: only what the user wrote does, or his word that he trusts the data.
+
+    Raises:
+        HarnessError: it names a file, and ``allow_code`` is False; or as :func:`load`.
+    """
+    suffix = Path(name).suffix
+    if suffix in (".jl", ".npz") and not allow_code:
+        raise HarnessError(refusal(name, "run" if suffix == ".jl" else "read"))
+    return load(name)
+
+
+def refusal(name: str, what: str) -> str:
+    """Why a name that stands in data is not followed; ``what`` would be done: ``read`` or ``run``."""
+    return f"{quoted(name)} names a file, which would be {what}: only with --allow-code (allow_code=True) is it"
 
 
 @functools.cache

@@ -32,8 +32,6 @@ def hidden():
 @pytest.fixture(scope="session")
 def report_inputs(tmp_path_factory):
     """One of each kind that a report can be of, small: by name, the path."""
-    from harness.score import comparison
-
     folder = tmp_path_factory.mktemp("report-inputs")
     search = {
         "population": 10,
@@ -55,8 +53,8 @@ def report_inputs(tmp_path_factory):
         ("hidden", "bordercross-7x8-random", ["sarsop", "random"]),
     ):
         table = harness.compare(domain, policies, episodes=20, seed=4, engine="tables")
-        (folder / f"{name}.csv").write_text(comparison.render(table, "csv"), encoding="utf-8")
-        (folder / f"{name}.json").write_text(comparison.render(table, "json"), encoding="utf-8")
+        (folder / f"{name}.csv").write_text(harness.render(table, "csv"), encoding="utf-8")
+        (folder / f"{name}.json").write_text(harness.render(table, "json"), encoding="utf-8")
     names = (
         "run",
         "runs",

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
+import harness
 from harness.cli import main
 
 NO_JULIA = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON_JULIACALL")}
@@ -76,6 +79,22 @@ def test_julia_without_julia_is_one_sentence(arguments):
     assert "Julia is not set up" in result.stderr
     assert "harness julia" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["compare"], ["show", "random"], ["solve", "qmdp"], ["check-domain"], ["policies"], ["tune", "--policy=x"]],
+)
+def test_a_julia_file_without_julia_is_one_sentence_and_imports_no_juliacall(tmp_path, command):
+    """Importing juliacall would look for a Julia on the network."""
+    (tmp_path / "juliacall.py").write_text("raise SystemExit('juliacall was imported')")
+    (tmp_path / "model.jl").write_text("error()")
+    env = {**NO_JULIA, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
+    for name, words in (("model.jl", "Julia is not set up"), ("none.jl", "none.jl': no such file")):
+        result = run(command[0], tmp_path / name, *command[1:], env=env)
+        assert result.returncode == 2
+        assert words in result.stderr
+        assert result.stderr.count("\n") == 1
 
 
 def test_half_a_set_up_says_what_is_missing():
@@ -160,6 +179,99 @@ def test_ctrl_c_stops_between_steps():
     assert "10.00 ± 0.00" in out  # exit had finished
     assert "random" not in out
     assert "Traceback" not in err
+
+
+_SWALLOWS_CTRL_C = """
+import os, signal, time
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(9)
+except BaseException:
+    pass
+"""
+
+
+@pytest.mark.parametrize("module", ["argparse", "tabulate"])  # at the parser's import, and at the command's
+def test_ctrl_c_during_an_import_that_swallows_it_is_one_line(tmp_path, module):
+    (tmp_path / f"{module}.py").write_text(_SWALLOWS_CTRL_C)
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    result = run("domains", env={**NO_JULIA, "PYTHONPATH": path})
+    assert (result.returncode, result.stderr) == (130, "harness: interrupted\n")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device of Linux")
+@pytest.mark.parametrize(
+    "arguments", [["policies", "rocksample-7x8"], ["--help"], ["show", "bordercross-7x8", "sarsop", "--engine=tables"]]
+)
+def test_a_full_disk_behind_the_output_is_one_sentence(arguments):
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "harness", *arguments]
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, env=NO_JULIA, check=False)
+    assert result.returncode == 2
+    assert result.stderr == "harness: cannot read or write the output: No space left on device\n"
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
+def test_an_encoding_without_our_signs_is_no_error(encoding):
+    result = run("policies", "rocksample-7x8", env={**NO_JULIA, "PYTHONIOENCODING": encoding})
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "threshold \\u03b3" in result.stdout
+    result = run("compare", "γ\udcff", env={**NO_JULIA, "PYTHONIOENCODING": encoding})
+    assert result.returncode == 2
+    assert result.stderr.startswith("harness: no domain '\\u03b3\\udcff'")
+
+
+def test_misuse_echoes_little_of_a_long_argument(capsys):
+    for arguments in (
+        ["x" * 5000],
+        ["domains", "x\n" * 5000],
+        ["compare", "--episodes", "\x1b" * 5000, "rocksample-7x8"],
+    ):
+        error = misuse(capsys, *arguments)
+        assert len(error) < 310
+        assert error[:-1].isprintable()
+
+
+def test_the_parser_imports_nothing_that_commands_need():
+    script = "import sys, harness.cli; harness.cli._parser(); print({'numpy', 'harness.registry'} & set(sys.modules))"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "set()"
+
+
+def test_the_words_of_evolutions_parameters_are_those_that_there_are():
+    from harness.ge import initialisation, operators, parameters
+
+    assert tuple(initialisation.METHODS) == parameters.INITIALISATIONS
+    assert tuple(operators.CROSSOVERS) == parameters.CROSSOVERS
+    assert tuple(operators.MUTATIONS) == parameters.MUTATIONS
+
+
+def test_the_version_is_the_installed_packages(capsys):
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert capsys.readouterr().out == f"harness {importlib.metadata.version('pomdp-harness')}\n"
+    assert harness.__version__ == importlib.metadata.version("pomdp-harness")
+
+
+_USER_CODE = """
+import harness
+
+domain = harness.load("rocksample-7x8")
+mean: float = harness.evaluate(domain, "belief", episodes=100).score.mean
+size: str = domain.n_states
+harness.evalute(domain, "belief")
+"""
+
+
+def test_a_users_code_is_type_checked_against_us(tmp_path):
+    """As an installed package has it: mypy looks into one only where it has a py.typed."""
+    package = Path(harness.__file__).parent
+    assert (package / "py.typed").is_file()
+    (tmp_path / "user.py").write_text(_USER_CODE)
+    command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", str(tmp_path / "user.py")]
+    env = {**os.environ, "MYPYPATH": str(package.parent)}
+    result = subprocess.run(command, capture_output=True, text=True, env=env, cwd=tmp_path, check=False)
+    assert [line.split(": ", 1)[0].rpartition(":")[2] for line in result.stdout.splitlines()[:-1]] == ["6", "7"]
 
 
 def test_a_reader_that_stops_reading_is_no_error():

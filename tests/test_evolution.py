@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,16 +18,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harness
+from harness import HarnessError, SnapshotError, registry
 from harness.cli import main
 from harness.engine import rng
 from harness.ge import grammar as bnf
-from harness.ge import initialisation, loop, operators
+from harness.ge import initialisation, loop, operators, search
 from harness.ge.fitness import ProgramFitness
+from harness.ge.folder import RunFolder
 from harness.ge.initialisation import GROW, tree
 from harness.ge.loop import Evaluated
 from harness.ge.mapping import derive
 from harness.ge.operators import CROSSOVERS, MUTATIONS, Parent
 from harness.ge.parameters import Parameters
+from harness.model import archive
 from harness.play.evaluation import evaluate
 from harness.policy.program import ProgramPolicy
 
@@ -219,8 +224,12 @@ class TestRuns:
         assert list(result.history.columns) == list(COLUMNS)
         assert (folder / "best.txt").read_text() == result.best.text
         assert result.best.validation == result.finalists["validation"].max()
-        axes = result.plot()
+        (axes,) = result.plot().axes
         assert axes.get_xlabel() == "generation"
+        low, high = axes.collections[0].get_datalim(axes.transData).intervaly  # the band
+        half = 1.959964 * result.history["test_sem"]
+        assert low == pytest.approx((result.history["test"] - half).min())
+        assert high == pytest.approx((result.history["test"] + half).max())
 
     def test_the_score_is_that_of_the_program_on_fresh_episodes(self, whole):
         folder, result = whole
@@ -252,9 +261,40 @@ class TestRuns:
         curve = many.curve()
         both = many.history.pivot_table(index="generation", columns="seed", values="test")
         np.testing.assert_allclose(curve["q50"], both.mean(axis=1))  # of two values
-        assert many.plot().get_ylabel().startswith("undiscounted")
+        (axes,) = many.plot().axes
+        assert axes.get_ylabel().startswith("undiscounted")
+        assert many.plot(axes) is axes.figure
         resumed = harness.resume(tmp_path / "many", workers=1)
         assert [run.best.text for run in resumed.runs] == [run.best.text for run in many.runs]
+
+    def test_many_runs_begin_again_wherever_they_were_stopped(self, whole, tmp_path):
+        """Right after the plan, and with a part of the folders made: no run is lost."""
+        out = tmp_path / "many"
+        harness.evolve("rocksample-7x8", engine="tables", runs=3, out=out, backend="threading", **SMALL)
+        runs = (out / "runs.csv").read_text()
+        for left in ([], ["seed-0"], ["seed-1", "seed-2"]):
+            for path in out.iterdir():
+                if path.name not in ("plan.json", *left):
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+            harness.resume(out, backend="threading")
+            assert (out / "runs.csv").read_text() == runs
+        assert same(results(whole[0]), results(out / "seed-0"))
+
+    def test_many_runs_are_prolonged_together(self, tmp_path):
+        out, small = tmp_path / "many", {**SMALL, "generations": 2}
+        harness.evolve("rocksample-7x8", engine="tables", runs=2, out=out, backend="threading", **small)
+        seed_1 = (out / "seed-1" / "config.json").read_text()
+        harness.resume(out, generations=3, backend="threading")
+        (out / "seed-1" / "config.json").write_text(seed_1)  # as if killed before it was told
+        assert [len(run.history) for run in harness.resume(out, backend="threading").runs] == [4, 4]
+
+    def test_a_resumed_run_names_its_grammar(self, tmp_path):
+        harness.evolve("rocksample-7x8", "rocksample-feedback", engine="tables", out=tmp_path, **SMALL)
+        best = (tmp_path / "best.json").read_bytes()
+        assert json.loads(best)["grammar"] == "rocksample-feedback.bnf"
+        (tmp_path / "best.json").unlink()
+        harness.resume(tmp_path)
+        assert (tmp_path / "best.json").read_bytes() == best
 
     def test_a_longer_run_goes_on_from_a_shorter_one(self, tmp_path):
         long = {**SMALL, "generations": 9}
@@ -372,8 +412,72 @@ class TestMisuse:
         assert main(["evolve", "--resume", str(folder)]) == 2
         assert "ends before generation 6" in capsys.readouterr().err
         (folder / "history.csv").write_text(history)
-        config = json.loads((folder / "config.json").read_text())
-        (folder / "config.json").write_text(json.dumps({**config, "model_hash": "0" * 64}))
+
+    @pytest.mark.parametrize(
+        ("name", "change", "words"),
+        [
+            ("config.json", lambda text: text.replace('"tournament": 2', '"tournament": 3'), "changed by hand"),
+            ("config.json", lambda text: text.replace('"seed": 0', '"seed": 1'), "changed by hand"),
+            ("config.json", lambda text: text.replace('"hash"', '"hush"'), "changed by hand"),
+            ("config.json", lambda text: "[" * 100_000, "not JSON"),
+            ("config.json", lambda text: text.replace('"seed": 0', '"seed": ' + "9" * 5_000), "not JSON"),
+            ("config.json", lambda text: '{"domain": 3}', "is not the config.json of"),
+            ("grammar.bnf", lambda text: text + "# a word\n", "changed by hand"),
+            ("grammar.bnf", lambda text: None, "No such file"),
+            ("history.csv", lambda text: text.replace("0.", "9.", 1), "changed by hand"),
+            ("history.csv", lambda text: text.replace("generation", "generatoin"), "changed by hand"),
+            ("history.csv", lambda text: text.replace("0", "9" * 5_000, 1), "changed by hand"),
+            ("history.csv", lambda text: None, "ends before generation 6"),
+        ],
+    )
+    def test_what_was_changed_by_hand_is_not_gone_on_with(self, whole, tmp_path, capsys, name, change, words):
+        folder = tmp_path / "run"
+        shutil.copytree(whole[0], folder)
+        old = (folder / name).read_text()
+        new = change(old)
+        assert new != old
+        (folder / name).unlink() if new is None else (folder / name).write_text(new)
+        assert main(["evolve", "--resume", str(folder)]) == 2
+        error = capsys.readouterr().err
+        assert words in error
+        assert error.count("\n") == 1
+
+    @pytest.mark.parametrize(
+        ("record", "arrays"),
+        [
+            ({}, {"lengths": np.array([3, 3])}),
+            ({}, {"lengths": np.array([-1] + [1] * 5)}),
+            ({}, {"lengths": np.zeros(0, dtype=int)}),
+            ({}, {"codons": np.full(4, 0.5)}),
+            ({}, {"codons": np.array([-1, 1, 1, 1], dtype=np.int32)}),
+            ({"generation": -1}, {}),
+            ({"generation": "6"}, {}),
+        ],
+    )
+    def test_a_checkpoint_that_holds_no_population(self, tmp_path, record, arrays):
+        """With a hash that is right."""
+        whole = {"codons": np.ones(4, dtype=np.int32), "lengths": np.array([2, 2])}
+        archive.write(tmp_path / "checkpoint.npz", "checkpoint", {"generation": 0, **record}, {**whole, **arrays})
+        with pytest.raises(SnapshotError, match="holds no population"):
+            RunFolder(tmp_path).state()
+
+    def test_a_folder_that_was_removed_is_told(self, tmp_path, monkeypatch):
+        row = search._row
+
+        def remove_and_go_on(*arguments):
+            shutil.rmtree(tmp_path / "run", ignore_errors=True)
+            return row(*arguments)
+
+        monkeypatch.setattr(search, "_row", remove_and_go_on)
+        with pytest.raises(HarnessError, match="was removed while it went on"):
+            harness.evolve("rocksample-7x8", engine="tables", out=tmp_path / "run", **SMALL)
+        assert list(tmp_path.iterdir()) == []
+
+    def test_another_model_is_not_gone_on_with(self, tmp_path, capsys, monkeypatch):
+        folder = tmp_path / "run"
+        harness.evolve("rocksample-7x8", engine="tables", out=folder, **SMALL)
+        other = dataclasses.replace(harness.load("rocksample-7x8"), discount=0.9)
+        monkeypatch.setattr(registry, "load", lambda name: other)
         assert main(["evolve", "--resume", str(folder)]) == 2
         assert "another model" in capsys.readouterr().err
 

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 import harness
+from harness.cli import main
+from harness.ge.figures import run_figure, runs_figure
+from harness.show import drawing
+from harness.tuning.figures import history_figure
 
 
 @pytest.fixture(autouse=True)
@@ -82,3 +89,107 @@ def test_what_cannot_be_drawn_is_said(rocksample, bordercross):
         harness.draw_layout(replace(rocksample, layout={"kind": "none"}))
     with pytest.raises(harness.HarnessError, match="no belief features"):
         harness.draw_beliefs(bordercross, "random")
+
+
+def test_every_domain_has_a_row_of_panels(rocksample, bordercross):
+    table = harness.compare([rocksample, bordercross], ["random-legal", "mdp"], episodes=20, engine="tables")
+    panels = harness.compare_figure(table).axes
+    assert [axes.get_title("left") for axes in panels[::2]] == ["rocksample-7x8", "bordercross-7x8"]
+    assert [axes.patches[0].get_width() for axes in panels[::2]] == table["mean"].tolist()[::2]
+
+
+def sweep():
+    """High everywhere, so that a legend inside would have no free corner."""
+    x = np.linspace(0, 1, 30)
+    rows = {"policy": "p", "threshold": x, "episodes": 10, "mean": 50 + np.sin(40 * x), "sem": 0.5}
+    return pd.DataFrame(rows)
+
+
+def evolution(seed):
+    values = 10 + 3.0 * np.sin(np.arange(40) + seed)
+    return pd.DataFrame({"generation": range(40), "best": values, "test": values, "test_sem": 0.3, "seed": seed})
+
+
+def tuning():
+    k = np.arange(12)
+    return pd.DataFrame(
+        {"iteration": k, "value": 50 + np.cos(k), "sem": 0.2, "theta_a": np.sin(k), "theta_b": np.cos(k)}
+    )
+
+
+FIGURES = {
+    "sweep": lambda: harness.sweep_figure(sweep(), "a title"),
+    "evolution": lambda: run_figure(evolution(0)),
+    "evolutions": lambda: runs_figure(pd.concat([evolution(0), evolution(1)])),
+    "tuning": lambda: history_figure(tuning(), ["a", "b"], "return"),
+    "comparison": lambda: harness.compare_figure(
+        harness.compare("rocksample-7x8", ["exit", "belief", "mdp"], episodes=20, engine="tables")
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_no_legend_lies_on_data_and_no_text_on_another(name):
+    figure = FIGURES[name]()
+    figure.canvas.draw()
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
+    assert legends
+    for legend in legends:
+        box = legend.get_window_extent().padded(-1)
+        assert figure.bbox.containsx(box.x0)
+        assert figure.bbox.containsx(box.x1)
+        others = [figure._suptitle, *(axes.xaxis.label for axes in figure.axes)]
+        for axes in figure.axes:
+            assert not box.overlaps(axes.get_window_extent())
+            others += [axes.title, axes._left_title, axes._right_title]
+        assert not any(text and text.get_text() and box.overlaps(text.get_window_extent()) for text in others)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_plot_and_figure_return_a_figure_with_a_text(name):
+    figure = FIGURES[name]()
+    assert isinstance(figure, Figure)
+    image, more = figure._repr_mimebundle_()
+    assert base64.b64decode(image["image/png"]).startswith(b"\x89PNG")
+    text = more["image/png"]["alt"]
+    labels = [label for axes in figure.axes for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
+    assert labels
+    assert all(label in text for label in labels)
+
+
+def test_the_text_names_the_policies():
+    text = drawing.described(FIGURES["comparison"]())
+    assert "rocksample-7x8" in text
+    assert "exit" in text
+    assert "upper bound" in text
+
+
+@pytest.mark.parametrize(
+    ("ending", "begin"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml"), ("SVG", b"<?xml")]
+)
+def test_the_ending_is_the_format_and_files_are_reproducible(tmp_path, ending, begin):
+    contents = []
+    for k in range(2):
+        path = tmp_path / f"{k}.{ending}"
+        drawing.save(FIGURES["tuning"](), path)
+        contents.append(path.read_bytes())
+    assert contents[0].startswith(begin)
+    assert contents[0] == contents[1]
+
+
+def test_another_ending_is_refused_before_anything_is_played(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("harness.score.comparison.compare", lambda *a, **k: pytest.fail("ran"))
+    assert main(["compare", "rocksample-7x8", "--figure", str(tmp_path / "a.jpeg")]) == 2
+    assert "must end in .png, .pdf or .svg" in capsys.readouterr().err
+
+
+def test_the_command_draws_and_compares_several_domains(tmp_path, capsys):
+    domains = ["rocksample-7x8", "bordercross-7x8"]
+    policies = ["--policy", "random-legal", "--policy", "mdp", "--against", "sarsop"]
+    options = ["--episodes", "20", "--engine", "tables", "--figure", str(tmp_path / "a.svg")]
+    assert main(["compare", *domains, *policies, *options]) == 0
+    out = capsys.readouterr().out
+    assert out.count("return less sarsop") == 2
+    assert "Over all domains" in out
+    svg = (tmp_path / "a.svg").read_text()
+    assert svg.rstrip().endswith("</svg>")

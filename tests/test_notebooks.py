@@ -45,9 +45,12 @@ def test_it_is_committed_valid_and_without_outputs(path):
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_it_runs(path):
-    """Without an error, without a warning, and with its pictures."""
+    """Without an error, without a warning, and with its pictures, each with a text for those who cannot see it."""
     book = run(path)
     texts = [output["text"] for output in outputs(book, "stream") if output["name"] == "stderr"]
     assert texts == []
     shown = outputs(book, "display_data") + outputs(book, "execute_result")
-    assert sum("image/png" in output["data"] for output in shown) == PICTURES[path.stem]
+    pictures = [output for output in shown if "image/png" in output["data"]]
+    assert len(pictures) == PICTURES[path.stem]
+    for picture in pictures:
+        assert len(picture["metadata"]["image/png"]["alt"]) > len("Figure.")

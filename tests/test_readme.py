@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import harness
-from harness.score import comparison
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 
@@ -20,7 +19,7 @@ def test_the_tables_are_as_printed(name):
     shown = shown[: shown.index("\nreturn: ")]
     rows = [line for line in shown.splitlines()[4:] if line and not line.startswith("rollout")]
     specs = [line.split()[0] for line in rows]
-    text = comparison.render(harness.compare(name, specs, engine="tables"), "table")
+    text = harness.render(harness.compare(name, specs, engine="tables"))
     assert [_squeeze(line) for line in rows] == [_squeeze(line) for line in text.splitlines()[4 : 4 + len(rows)]]
     assert shown.splitlines()[0] == text.splitlines()[0]
 

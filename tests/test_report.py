@@ -20,7 +20,7 @@ from harness.model import domain
 from harness.play.evaluation import evaluate, simulate
 from harness.report import charts, inputs, page
 from harness.report.replays import Domains, Wanted, episode, replays
-from harness.score import comparison
+from harness.score import rendering
 from harness.show.replay import replay
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>&\"\u2028"
@@ -208,7 +208,7 @@ class TestPage:
     def test_the_table_shows_what_compare_prints(self, report_inputs, tmp_path):
         (table,) = inputs.read(report_inputs["rocks.json"])
         rows = write(tmp_path, report_inputs["rocks.csv"]).rows
-        assert rows == [list(comparison.shown(table.frame)), *comparison.shown(table.frame).values.tolist()]
+        assert rows == [list(rendering.shown(table.frame)), *rendering.shown(table.frame).values.tolist()]
         assert rows[2][3] == "21.39"
         assert rows[4][0] == "mdp (upper bound)"
 
@@ -335,7 +335,7 @@ class TestPage:
         own = dataclasses.replace(rocksample, name="own", title=HOSTILE, layout={"kind": HOSTILE})
         own = dataclasses.replace(own, features=tuple((HOSTILE, k, x) for _, k, x in own.features))
         played = harness.compare(own, ["random"], episodes=5, engine="tables")
-        (tmp_path / "own.csv").write_text(comparison.render(played, "csv"))
+        (tmp_path / "own.csv").write_text(harness.render(played, "csv"))
         tables = [next(tmp_path.glob("*.json")), tmp_path / "own.csv", tmp_path / "s.csv"]
         found = write(tmp_path, *tables, tmp_path / "run<b>", domains=[own])
         assert found.data[0]["domain"]["features"] == [HOSTILE] * 8
@@ -436,7 +436,7 @@ class TestReplays:
         own = dataclasses.replace(rocksample, name="tiger", layout={"kind": "none"})
         domain.save(own, tmp_path / "tiger.npz")
         table = harness.compare(own, ["random"], episodes=5, engine="tables")
-        (tmp_path / "t.json").write_text(comparison.render(table, "json"))
+        (tmp_path / "t.json").write_text(harness.render(table, "json"))
         found = write(tmp_path, tmp_path / "t.json")
         assert "No replay of random: no domain 'tiger'" in found.text
         arguments = ["--out", str(tmp_path / "out"), "--domain", str(tmp_path / "tiger.npz")]

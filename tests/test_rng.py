@@ -50,6 +50,7 @@ def test_the_largest_seeds_streams_and_steps_differ_too():
 
 
 def test_what_is_trained_on_is_never_scored_on():
-    seeds = [(rng.TRAINING + k, rng.HELD_OUT + k, k) for k in (0, 1, rng.HELD_OUT - 1)]
-    assert len({seed for group in seeds for seed in group}) == 9
+    ranges = (0, rng.TRAINING, rng.HELD_OUT, rng.VALIDATION, rng.REFINEMENT)
+    seeds = [[start + k for start in ranges] for k in (0, 1, rng.HELD_OUT - 1)]
+    assert len({seed for group in seeds for seed in group}) == 15
     assert all(seed < 2**64 for group in seeds for seed in group)

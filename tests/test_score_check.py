@@ -197,6 +197,65 @@ def test_a_stored_column_missing_or_wrong_fails_its_row_only(scores, capsys, lin
     assert check(capsys, scores)[0] == 0
 
 
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("mean", "99.0", "its stored mean is 99, but the stored episodes give"),
+        ("sem", "1000", "its stored sem is 1000, and none is"),
+        ("sem", "0.001", "its stored sem is 0.001, but the stored episodes give"),
+        ("discounted_mean", "20.0", "its stored discounted_mean is 20, but"),
+        ("steps_mean", "51.0", "its stored steps_mean is 51, and none is below 0 or above 50"),
+        ("success_rate", "7.0", "its stored success_rate is 7, and none is"),
+        ("success_rate", "0.5", "its stored success_rate is 0.5, but"),
+        ("reference_episodes", "9999", "reference_episodes must be 10000 or more"),
+        ("engine", '"banana"', "engine must be tables or julia, not 'banana'"),
+    ],
+)
+def test_an_edited_figure_fails_its_row_and_is_mended(scores, shared, capsys, column, value, words):
+    """With the old digest: the episodes come out as stored, but what is said of them is not theirs."""
+    rows, mark, figures = shared.partition("[[stored]]")
+    edited = re.sub(f"^{column} = .*$", f"{column} = {value}", figures, count=1, flags=re.MULTILINE)
+    scores.write_text(rows + mark + edited)
+    status, out = check(capsys, scores)
+    assert status == 1
+    assert words in out
+    assert "1 damaged, 1 same" in out
+    assert main(["check", str(scores), "--update"]) == 0
+    assert scores.read_text() == shared
+
+
+def test_what_no_score_can_be_is_noticed_on_other_episodes_too(scores, capsys):
+    edit(scores, "success_rate = 1.0", "success_rate = 1.01")
+    status, out = check(capsys, scores, "--seed", "5")
+    assert status == 1
+    assert "its stored success_rate is 1.01, and none is" in out
+
+
+@pytest.mark.parametrize(
+    ("limits", "word"),
+    [
+        ("false_alarm = 0.9999999", "false_alarm = 0.9999999 is large"),
+        ("min_effect = 1000\ndrop = 2000", "min_effect = 1000 is large"),
+    ],
+)
+def test_limits_that_let_all_pass_or_fail_get_a_word(scores, capsys, limits, word):
+    assert " is large" not in check(capsys, scores)[1]
+    edit(scores, "min_effect = 0.05  # return units", limits)
+    assert word in check(capsys, scores)[1]
+
+
+def test_an_update_follows_a_symbolic_link_and_keeps_the_mode(scores, tmp_path):
+    link = tmp_path / "link.toml"
+    link.symlink_to(scores)
+    scores.chmod(0o600)
+    edit(scores, "episodes = 100\n", "episodes = 200\n")
+    assert main(["check", str(link), "--update"]) == 0
+    assert link.is_symlink()
+    assert "reference_episodes = 200" in scores.read_text()
+    assert scores.stat().st_mode & 0o777 == 0o600
+    assert {path.name for path in tmp_path.iterdir()} == {"link.toml", "scores.toml"}
+
+
 def test_a_score_stored_twice_fails(scores, capsys):
     text = scores.read_text()
     scores.write_text(text + "\n" + text[text.rindex("[[stored]]") :])
@@ -329,6 +388,8 @@ def test_misuse_names_file_and_line(tmp_path, capsys, old, new, line, words):
         ("score = 3\n", "'score' must be written [[score]]"),
         ("[score]\ndomain = 'a'\n", "'score' must be written [[score]]"),
         (b"\xff\xfe", "not UTF-8"),
+        ("x = " + "9" * 5_000, "not TOML: "),
+        ("x = " + "[" * 100_000, "not TOML: "),
     ],
 )
 def test_files_that_are_no_lists(tmp_path, capsys, text, words):
@@ -431,8 +492,9 @@ def test_ctrl_c_prints_the_rows_finished(tmp_path):
     row = '[[score]]\ndomain = "rocksample-7x8"\npolicy = "{}"\nepisodes = {}\nengine = "tables"\n'
     path.write_text(row.format("exit", 100))
     checking.update_scores(path)
-    slow = dataclasses.replace(next(iter(stored.read(path).stored.values())), policy="rollout:2000", episodes=100_000)
     exit_score = next(iter(stored.read(path).stored.values()))
+    many = {"episodes": 100_000, "reference_episodes": 100_000}
+    slow = dataclasses.replace(exit_score, policy="rollout:2000", **many)
     path.write_text(row.format("exit", 100) + row.format("rollout:2000", 100_000))
     stored.write(path, [exit_score, slow])
     command = [sys.executable, "-m", "harness", "check", str(path)]

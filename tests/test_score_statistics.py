@@ -12,6 +12,7 @@ from harness.play.evaluation import evaluate
 from harness.regression import judging, statistics
 from harness.regression.rows import Limits, Row, StoredScore
 from harness.regression.scoring import Measurement
+from harness.score.paired import holm
 
 ROWS = 20
 LISTS = 20_000
@@ -44,10 +45,10 @@ def test_without_variance_any_drop_above_the_minimal_effect_counts():
 
 def test_holm_by_hand():
     # sorted 0.005 0.01 0.03 0.04 times 4 3 2 1, made monotone
-    assert statistics.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-    assert statistics.holm([0.5, 0.9]) == [1.0, 1.0]
-    assert statistics.holm([]) == []
-    assert statistics.holm([0.01], family=5) == [0.05]  # four more rows are still to come
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.5, 0.9]) == [1.0, 1.0]
+    assert holm([]) == []
+    assert holm([0.01], family=5) == [0.05]  # four more rows are still to come
 
 
 def test_planned_episodes_give_the_planned_drop():

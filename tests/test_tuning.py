@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -409,6 +411,7 @@ class TestMisuse:
         assert captured.out == ""
         assert captured.err.startswith("harness: ")
         assert captured.err.count("\n") == 1
+        assert len(captured.err) < 320
         return captured.err
 
     @pytest.mark.parametrize(
@@ -424,6 +427,20 @@ class TestMisuse:
             (["tune", "rocksample-7x8", "--policy", "belief", "--set", "epsilon=3"], "epsilon must be a number from"),
             (["tune", "rocksample-7x8", "--policy", "belief", "--set", "episodes=3.5"], "episodes must be a whole"),
             (["tune", "rocksample-7x8", "--policy", "belief", "--set", "epsilon"], "not of the form NAME=X"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", "final_episodes=2.5"], "from 2 to 10,000,000"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", "validation_episodes=1"], "from 2 to 10,000,00"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", "episodes=6000000"], "would play 12,000,000"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", "rate=1e300"], "from 1e-09 to 1,000,000, not"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", f"rate={'9' * 5000}"], "is not a whole number"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", "rate=inf"], "'inf' is not a number"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", "run=3"], "no setting 'run'"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--set", "domain=3"], "domain is no setting"),
+            (["tune", "rocksample-7x8", "--policy", "belief", "--horizon", 10**9], "horizon must be a whole number"),
+            (["sweep", "rocksample-7x8", "--policy", "belief", "--horizon", 10**9], "horizon must be a whole number"),
+            (["sweep", "rocksample-7x8", "--policy", "belief", "--episodes", 10**9], "from 1 to 10,000,000"),
+            (["sweep", "rocksample-7x8", "--policy", "belief", "--points", 10**9], "10,000 at most"),
+            (["sweep", "rocksample-7x8"], "needs a DOMAIN and a --policy"),
+            (["sweep", "--resume", "no-such-folder"], "holds no run to resume (there is no sweep.json)"),
             (["tune", "rocksample-7x8", "--policy", "belief", "--seed", 2**61], "seed must be"),
             (["tune", "rocksample-7x8", "--policy", "belief", "--out", "/dev/null/x"], "cannot write"),
             (["tune", "rocksample-7x8", "--policy", "belief", "--set", "seed=3"], "use --seed"),
@@ -491,6 +508,19 @@ class TestMisuse:
         path = folder / "config.json"
         path.write_text(path.read_text().replace('"epsilon": 0.01', '"epsilon": "x"'))
         assert "config.json is damaged" in self.misuse(capsys, "tune", "--resume", folder)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_help_names_every_setting_with_its_default(method, capsys):
+    with pytest.raises(SystemExit):
+        main(["tune", "--help"])
+    text = capsys.readouterr().out
+    section = text[text.index("settings (--set") :]
+    words = re.split(rf"\n  (?={'|'.join([*METHODS, 'all'])}\b)", section)
+    (mine,) = [each for each in words if each.startswith(method)]
+    expected = {f"{f.name}={f.default}" for f in fields(METHODS[method]) if "low" in f.metadata}
+    assert set(mine.split()[1:]) == expected
+    assert {"validation_episodes=10000", "final_episodes=10000"} == set(words[-1].split()[1:])
 
 
 def test_every_setting_is_in_the_configuration():

@@ -7,30 +7,32 @@ answer at once.
 from __future__ import annotations
 
 import argparse
+import io
 import os
+import re
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+import harness
 from harness.cli import checks, evolution, models, reporting, reproduction, scores, tuning
-from harness.errors import HarnessError
+from harness.errors import LONGEST_QUOTE, HarnessError, quoted, sentence
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what was wrong in one sentence, with the nearest spelling; exit status 2."""
+    """Says what was wrong in one sentence; exit status 2."""
 
     def error(self, message: str) -> NoReturn:
-        print(f"harness: {message} (see: {self.prog} --help)", file=sys.stderr)
+        short = re.sub(rf"(\S{{{LONGEST_QUOTE - 2}}})\S{{3,}}", r"\1 …", message)  # argparse repeats the input as it is
+        print(f"harness: {sentence(f'{short} (see: {self.prog} --help)')}", file=sys.stderr)
         raise SystemExit(2)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit status: 0, 1 when a check failed, 2 for a misuse, 130 after Ctrl-C."""
-    options = _parser().parse_args(arguments)
+    _print_anywhere()
     try:
-        status = int(options.run(options) or 0)
-        sys.stdout.flush()  # here, where a reader that has gone is still no error
-        return status
+        return _run(arguments)
     except HarnessError as error:
         print(f"harness: {error}", file=sys.stderr)
         return 2
@@ -38,12 +40,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("harness: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:  # the reader of our output (head, less) has gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return 0
+    except OSError as error:  # most have a sentence of their own where they arise; a full disk may strike anywhere
+        where = quoted(error.filename) if error.filename else "the output"
+        print(f"harness: cannot read or write {where}: {error.strerror}", file=sys.stderr)
+        _drop_output()
+        return 2
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    try:
+        options = _parser().parse_args(arguments)
+        return int(options.run(options) or 0)
+    finally:
+        print(end="", flush=True)  # here, where a reader that has gone is still no error
+
+
+def _print_anywhere() -> None:
+    """Print a sign that the encoding of a terminal or a redirect lacks as an escape (in cp1252 γ is a ``\\u03b3``)."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a caller may have put something else there
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _drop_output() -> None:
+    """What is still buffered cannot be written: Python shall not try again, and complain, when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="harness", description="Benchmark of evolved, heuristic and solved POMDP policies.")
+    parser.add_argument("--version", action="version", version=f"%(prog)s {harness.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=_Parser)
     for room in (scores, evolution, tuning, reproduction, reporting, checks, models):
         room.register(commands)

@@ -5,34 +5,51 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
+
+_DIGITS = 30  # more digits than any limit has
 
 
-def domain_argument(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
-    """The positional argument DOMAIN."""
+def domain_argument(parser: argparse.ArgumentParser, *, resumable: bool = False, several: bool = False) -> None:
+    """The positional argument DOMAIN, which may be left out where a run can be resumed; or several."""
+    more = "; may be left out with --resume" if resumable else ""
+    text = f"a named domain, a snapshot (.npz) or a Julia file (.jl){more}"
+    parser.add_argument("domain", nargs="?" if resumable else "+" if several else None, metavar="DOMAIN", help=text)
+
+
+def episode_arguments(parser: argparse.ArgumentParser, *, episodes: str = "", resumable: bool = False) -> None:
+    """``--seed``, ``--horizon``, ``--engine`` and, where there is a help for it, ``--episodes``.
+
+    Where a run can be resumed, None means that a number was not given.
+    """
+    seed, horizon = (None, None) if resumable else (0, 50)
+    if episodes:
+        parser.add_argument("--episodes", type=positive, metavar="N", help=episodes)
+    parser.add_argument("--seed", type=natural, default=seed, metavar="N", help="default 0")
     parser.add_argument(
-        "domain", nargs=nargs, metavar="DOMAIN", help="a named domain, a snapshot (.npz) or a Julia file (.jl)"
+        "--horizon", type=positive, default=horizon, metavar="N", help="steps an episode lasts (default 50)"
     )
+    engine_argument(parser)
 
 
-def episode_arguments(parser: argparse.ArgumentParser) -> None:
-    """``--seed``, ``--horizon`` and ``--engine``."""
-    parser.add_argument("--seed", type=natural, default=0, metavar="N", help="default 0")
-    parser.add_argument("--horizon", type=positive, default=50, metavar="N", help="steps an episode lasts (default 50)")
+def engine_argument(parser: argparse.ArgumentParser) -> None:
+    """``--engine``."""
     parser.add_argument("--engine", default="auto", help="auto, tables or julia (default auto)")
 
 
 def natural(text: str) -> int:
     """A whole number, 0 or more."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, 0 or more")
-    return int(text)
+    return _whole(text, 0)
 
 
 def positive(text: str) -> int:
     """A whole number, 1 or more."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, 1 or more")
+    return _whole(text, 1)
+
+
+def _whole(text: str, least: int) -> int:
+    if not text.isdecimal() or len(text) > _DIGITS or int(text) < least:
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a whole number, {least} or more")
     return int(text)
 
 
@@ -43,7 +60,7 @@ def positive_number(text: str) -> float:
     except ValueError:
         value = 0.0
     if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a number above 0")
     return value
 
 

@@ -29,6 +29,7 @@ def register(commands: Any) -> None:
     check.add_argument("--exact", action="store_true", help="fail unless every episode comes out as stored")
     check.add_argument("--seed", type=natural, metavar="N", help="other episodes, compared by Welch's test")
     check.add_argument("--engine", metavar="ENGINE", help="auto, tables or julia (default: what each row says)")
+    check.add_argument("--allow-code", action="store_true", help="read and run the files that the rows name")
     check.add_argument("--junit", type=Path, metavar="FILE", help="write the outcomes as JUnit XML too")
     check.add_argument(
         "--github", action="store_true", help="print annotations too, and append to the file $GITHUB_STEP_SUMMARY"
@@ -43,7 +44,12 @@ def _check(options: argparse.Namespace) -> int:
         return _update(options)
     try:
         check = checking.check_scores(
-            options.file, exact=options.exact, seed=options.seed, engine=options.engine, progress=True
+            options.file,
+            exact=options.exact,
+            seed=options.seed,
+            engine=options.engine,
+            allow_code=options.allow_code,
+            progress=True,
         )
     except checking.Interrupted as stop:
         if stop.check.outcomes:
@@ -71,5 +77,5 @@ def _update(options: argparse.Namespace) -> int:
     for name in ("exact", "seed", "engine", "junit", "github"):
         if getattr(options, name) not in (None, False):
             raise HarnessError(f"--update scores what the file says, and nothing else; leave out --{name}")
-    print(reports.moves(checking.update_scores(options.file, progress=True)), end="")
+    print(reports.moves(checking.update_scores(options.file, allow_code=options.allow_code, progress=True)), end="")
     return 0

@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from harness.cli.arguments import natural, positive
+from harness.cli.arguments import domain_argument, natural, positive
 from harness.errors import HarnessError
 from harness.ge.parameters import Parameters
 
@@ -17,9 +17,7 @@ _KINDS = {int: natural, float: float, str: str}
 def register(commands: Any) -> None:
     """Add the command to the parser."""
     evolve = commands.add_parser("evolve", help="evolve a program by grammatical evolution")
-    evolve.add_argument(
-        "domain", nargs="?", metavar="DOMAIN", help="a named domain, a snapshot (.npz) or a Julia file (.jl)"
-    )
+    domain_argument(evolve, resumable=True)
     evolve.add_argument("--grammar", metavar="FILE", help="a BNF file or a shipped grammar (default: the paper's)")
     evolve.add_argument("--out", type=Path, metavar="DIR", help="folder for the run's files, needed for a new run")
     evolve.add_argument("--resume", type=Path, metavar="DIR", help="go on with a run (with --generations: for longer)")
@@ -29,6 +27,10 @@ def register(commands: Any) -> None:
     evolve.add_argument("--engine", help="tables, julia or auto (default tables: the same, faster)")
     evolve.add_argument("--workers", type=positive, metavar="N", help="threads of one run, processes of many")
     evolve.add_argument("--backend", default="loky", help="of many runs, as joblib calls it (default loky: processes)")
+    evolve.add_argument(
+        "--parameters", type=Path, metavar="FILE", help="a TOML file of the parameters below; options go before it"
+    )
+    evolve.add_argument("--allow-code", action="store_true", help="with --resume: load the file that the run is on")
     group = evolve.add_argument_group("parameters of the run (defaults: the paper's Table 2 where it gives one)")
     for f in fields(Parameters):
         option, help_text = f"--{f.name.replace('_', '-')}", f.metadata["help"]
@@ -47,12 +49,18 @@ def _evolve(options: argparse.Namespace) -> None:
     from harness.ge.results import Evolution
 
     given = {f.name: value for f in fields(Parameters) if (value := getattr(options, f.name)) is not None}
+    if options.parameters is not None and options.resume is None:
+        from harness.ge import parameter_file
+
+        given = {**parameter_file.read(options.parameters), **given}
     execution = {"workers": options.workers, "backend": options.backend, "progress": True}
     folder = options.resume or options.out
     try:
         if options.resume:
             _refuse_changes(options, given)
-            result = runs.resume(options.resume, generations=given.get("generations"), **execution)
+            result = runs.resume(
+                options.resume, generations=given.get("generations"), allow_code=options.allow_code, **execution
+            )
         else:
             if options.domain is None or options.out is None:
                 raise HarnessError("evolve needs a DOMAIN and --out DIR for the run's files, or --resume DIR")
@@ -67,7 +75,8 @@ def _evolve(options: argparse.Namespace) -> None:
             )
     except KeyboardInterrupt:
         if (folder / "config.json").exists() or any(folder.glob("*/config.json")):
-            print(f"stopped; go on with: harness evolve --resume {folder}")
+            own = options.allow_code or Path(options.domain or "").suffix in (".jl", ".npz")
+            print(f"stopped; go on with: harness evolve --resume {folder}{' --allow-code' if own else ''}")
         raise
     if isinstance(result, Evolution):
         _report_one(result, folder)
@@ -77,7 +86,9 @@ def _evolve(options: argparse.Namespace) -> None:
 
 def _refuse_changes(options: argparse.Namespace, given: dict[str, Any]) -> None:
     changed = [name for name in given if name != "generations"]
-    changed += [name for name in ("domain", "grammar", "out", "engine") if getattr(options, name) is not None]
+    changed += [
+        name for name in ("domain", "grammar", "out", "engine", "parameters") if getattr(options, name) is not None
+    ]
     changed += ["runs"] if options.runs != 1 else []
     if changed:
         raise HarnessError(

@@ -27,6 +27,9 @@ def register(commands: Any) -> None:
         "--domain", action="append", default=[], metavar="FILE",
         help="a domain of yours that results are of, as a snapshot (.npz) or a Julia file (.jl)",
     )  # fmt: skip
+    report.add_argument(
+        "--allow-code", action="store_true", help="read and run the files that the results name, for their replays"
+    )
     report.set_defaults(run=_report)
 
 
@@ -34,6 +37,11 @@ def _report(options: argparse.Namespace) -> None:
     from harness.report import write_report
 
     path = write_report(
-        options.sources, options.out, episodes=options.episodes, seed=options.seed, domains=options.domain
+        options.sources,
+        options.out,
+        episodes=options.episodes,
+        seed=options.seed,
+        domains=options.domain,
+        allow_code=options.allow_code,
     )
     print(f"{path}: {path.stat().st_size:,} bytes; open it in a browser")

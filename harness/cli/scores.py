@@ -6,25 +6,28 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.cli.arguments import domain_argument, episode_arguments, natural, positive, write
+from harness.cli.arguments import domain_argument, engine_argument, episode_arguments, natural, positive, write
 
 if TYPE_CHECKING:
     import pandas as pd
 
-FORMATS = ("table", "markdown", "csv", "json")
+FORMATS = ("table", "markdown", "latex", "csv", "json")
 
 
 def register(commands: Any) -> None:
     """Add the commands to the parser."""
-    compare = commands.add_parser("compare", help="score policies on a domain side by side")
-    domain_argument(compare)
+    compare = commands.add_parser("compare", help="score policies on a domain, or on several, side by side")
+    domain_argument(compare, several=True)
     compare.add_argument(
         "--policy", action="append", metavar="SPEC", help="a policy, as often as wanted (default: all of the domain's)"
     )
-    compare.add_argument("--episodes", type=positive, metavar="N", help="default: 10000, for rollout 1000")
-    episode_arguments(compare)
+    compare.add_argument(
+        "--against", metavar="SPEC", help="a policy that every other one is compared with, episode by episode"
+    )
+    episode_arguments(compare, episodes="default: 10000, for rollout 1000")
     compare.add_argument("--format", choices=FORMATS, default="table", help="default: table")
     compare.add_argument("--out", type=Path, metavar="FILE", help="write there instead of to the terminal")
+    compare.add_argument("--figure", type=Path, metavar="FILE", help="draw the returns too, as .png, .pdf or .svg")
     compare.set_defaults(run=_compare)
 
     domains = commands.add_parser("domains", help="list the domains with sizes and provenance")
@@ -43,7 +46,7 @@ def register(commands: Any) -> None:
 
     check = commands.add_parser("check-domain", help="check a domain, and an engine against it")
     domain_argument(check)
-    check.add_argument("--engine", default="auto", help="auto, tables or julia (default auto)")
+    engine_argument(check)
     check.set_defaults(run=_check_domain)
 
     check = commands.add_parser("check-policy", help="check that a policy acts alike in every batch and thread")
@@ -55,9 +58,15 @@ def register(commands: Any) -> None:
 
 def _compare(options: argparse.Namespace) -> None:
     from harness.score import comparison
+    from harness.score.rendering import render
+
+    if options.figure is not None:
+        from harness.show import drawing, figures
+
+        drawing.check_ending(options.figure)
 
     def put(table: pd.DataFrame) -> None:
-        text = comparison.render(table, options.format)
+        text = render(table, options.format)
         if options.out is None:
             print(text, end="")
         else:
@@ -67,6 +76,7 @@ def _compare(options: argparse.Namespace) -> None:
         table = comparison.compare(
             options.domain,
             options.policy,
+            against=options.against,
             episodes=options.episodes,
             seed=options.seed,
             horizon=options.horizon,
@@ -78,6 +88,8 @@ def _compare(options: argparse.Namespace) -> None:
             put(stop.table)
         raise
     put(table)
+    if options.figure is not None:
+        drawing.save(figures.compare_figure(table), options.figure)
 
 
 def _domains(options: argparse.Namespace) -> None:

@@ -3,58 +3,81 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import sys
+import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.cli.arguments import domain_argument, episode_arguments, natural, positive
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from harness.tuning.run import Tuned
+    from harness.play.evaluation import Score
+    from harness.tuning.outcome import Tuned
 
 METHODS = ("gradient", "spsa", "score", "cmaes", "lines")
 MEASURES = ("return", "discounted")
+
+_SETTINGS = "SETTINGS"  # stands in the help for a text that takes the methods themselves
+
+
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """Names the methods' settings where help is asked for, and only then: they take a second to load."""
+
+    def add_text(self, text: str | None) -> None:
+        super().add_text(_settings() if text == _SETTINGS else text)
 
 
 def register(commands: Any) -> None:
     """Add the commands to the parser."""
     sweep = commands.add_parser("sweep", help="the return over one number of a policy")
-    domain_argument(sweep)
-    sweep.add_argument("--policy", required=True, metavar="SPEC", help="a policy with a number, such as belief")
+    domain_argument(sweep, resumable=True)
+    sweep.add_argument("--policy", metavar="SPEC", help="a policy with a number, such as belief")
     sweep.add_argument("--parameter", metavar="NAME", help="which number, where the policy has several")
     sweep.add_argument("--from", dest="start", type=number, metavar="X", help="default: the number's lower bound")
     sweep.add_argument("--to", dest="stop", type=number, metavar="X", help="default: its upper bound")
-    sweep.add_argument("--points", type=positive, default=51, metavar="N", help="default 51")
-    sweep.add_argument("--episodes", type=positive, default=10_000, metavar="N", help="at each point (default 10000)")
-    episode_arguments(sweep)
-    sweep.add_argument("--out", type=Path, metavar="DIR", help="write sweep.csv and sweep.png there")
+    sweep.add_argument("--points", type=positive, metavar="N", help="default 51")
+    episode_arguments(sweep, episodes="at each point (default 10000)", resumable=True)
+    _folder_arguments(sweep, "keep sweep.json, sweep.csv and sweep.png there")
     sweep.set_defaults(run=_sweep)
 
-    tune = commands.add_parser("tune", help="tune the numbers in a policy")
-    tune.add_argument("domain", nargs="?", metavar="DOMAIN", help="a domain; may be left out with --resume")
+    tune = commands.add_parser(
+        "tune", help="tune the numbers in a policy", formatter_class=_Help, epilog=_SETTINGS,
+        description="Tune the numbers in a policy. The result is the best of the start and all that was visited.",
+    )  # fmt: skip
+    domain_argument(tune, resumable=True)
     tune.add_argument(
         "--policy", metavar="SPEC", help="the policy; its numbers are the start: belief:0.6, program:FILE"
     )
     tune.add_argument("--method", choices=METHODS, help="default gradient")
     tune.add_argument("--measure", choices=MEASURES, help="what to maximise (default: return, undiscounted)")
-    tune.add_argument("--seed", type=natural, metavar="N", help="default 0")
-    tune.add_argument("--horizon", type=positive, metavar="N", help="steps an episode lasts (default 50)")
-    tune.add_argument("--engine", default="auto", help="auto, tables or julia (default auto)")
-    tune.add_argument(
-        "--set", action="append", type=setting, default=[], metavar="NAME=X", help="a setting of the method"
-    )
-    where = tune.add_mutually_exclusive_group()
-    where.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="keep config.json, history.csv and result.json there; of a program also best.txt",
-    )
-    where.add_argument("--resume", type=Path, metavar="DIR", help="go on with the run there")
+    episode_arguments(tune, resumable=True)
+    tune.add_argument("--set", action="append", type=setting, default=[], metavar="NAME=X", help="a setting, see below")
+    _folder_arguments(tune, "keep config.json, history.csv and result.json there; of a program also best.txt")
     tune.set_defaults(run=_tune)
+
+
+def _folder_arguments(parser: argparse.ArgumentParser, text: str) -> None:
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--out", type=Path, metavar="DIR", help=text)
+    where.add_argument("--resume", type=Path, metavar="DIR", help="go on with the run there")
+
+
+def _settings() -> str:
+    """The settings of each method with their defaults, for the help."""
+    from harness.tuning.method import settings_of
+    from harness.tuning.run import COUNTS, METHODS
+
+    lines = ["settings (--set NAME=X), with their defaults:"]
+    known: dict[str, Mapping[str, float]] = {name: settings_of(kind) for name, kind in METHODS.items()}
+    for name, defaults in {**known, "all": COUNTS}.items():
+        text = " ".join(f"{setting}={value}" for setting, value in defaults.items())
+        lines += textwrap.wrap(text, 88, initial_indent=f"  {name:<10}", subsequent_indent=" " * 12)
+    return "\n".join(lines)
 
 
 def number(text: str) -> float:
@@ -64,7 +87,7 @@ def number(text: str) -> float:
     except ValueError:
         value = float("nan")
     if not abs(value) < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number")
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a number")
     return value
 
 
@@ -72,29 +95,38 @@ def setting(text: str) -> tuple[str, float]:
     """``NAME=X``: a name and a number, whole where it is written so."""
     name, equals, value = text.partition("=")
     if not equals:
-        raise argparse.ArgumentTypeError(f"'{text}' is not of the form NAME=X")
-    return name, int(value) if value.isdecimal() else number(value)
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not of the form NAME=X")
+    return name, natural(value) if value.isdecimal() else number(value)
 
 
 def _sweep(options: argparse.Namespace) -> None:
-    from harness.tuning import sweep
-
-    table = sweep(
-        options.domain,
-        options.policy,
-        parameter=options.parameter,
-        start=options.start,
-        stop=options.stop,
-        points=options.points,
-        episodes=options.episodes,
-        seed=options.seed,
-        horizon=options.horizon,
-        engine=options.engine,
-        progress=True,
-    )
+    folder = options.resume or options.out
+    try:
+        table = _swept(options)
+    except KeyboardInterrupt:
+        if folder is not None:
+            print(f"harness: go on with: harness sweep --resume {folder}", file=sys.stderr)
+        raise
     print(_rows(table))
-    if options.out is not None:
-        _keep_sweep(table, options)
+    if folder is not None:
+        _draw_sweep(table, folder)
+
+
+def _swept(options: argparse.Namespace) -> pd.DataFrame:
+    from harness.tuning import sweeping
+
+    named = ("policy", "parameter", "start", "stop", "points", "episodes", "seed", "horizon")
+    given = {name: value for name in named if (value := getattr(options, name)) is not None}
+    if options.resume is not None:
+        if given:
+            raise HarnessError(
+                f"--resume goes on with what {options.resume} was told; {next(iter(given))} cannot be changed "
+                f"(only DOMAIN and --engine can be given)"
+            )
+        return sweeping.resume(options.resume, options.domain, engine=options.engine, progress=True)
+    if options.domain is None or options.policy is None:
+        raise HarnessError("sweep needs a DOMAIN and a --policy (or --resume DIR)")
+    return sweeping.sweep(options.domain, **given, engine=options.engine, out=options.out, progress=True)
 
 
 def _rows(table: pd.DataFrame) -> str:
@@ -111,16 +143,16 @@ def _rows(table: pd.DataFrame) -> str:
     return f"{text}\n\nhighest return: {best['mean']:.2f} ± {best['sem']:.2f} by {by}"
 
 
-def _keep_sweep(table: pd.DataFrame, options: argparse.Namespace) -> None:
-    from harness import files
+def _draw_sweep(table: pd.DataFrame, folder: Path) -> None:
     from harness.show import drawing
-    from harness.tuning import figures
+    from harness.tuning import figures, journal
+    from harness.tuning.rows import SWEEP
 
-    path = options.out / "sweep.csv"
-    files.replace_text(path, table.to_csv(index=False, lineterminator="\n"))
-    title = f"{options.policy.partition(':')[0]} on {options.domain}, horizon {options.horizon}"
-    drawing.save(figures.sweep_figure(table, title), options.out / "sweep.png")
-    print(f"{path} and sweep.png are written")
+    run = journal.read_parameters(folder, SWEEP)
+    word = "program" if "\n" in run["policy"] else run["policy"].partition(":")[0]
+    title = f"{word} on {run['domain']}, horizon {run['horizon']}"
+    drawing.save(figures.sweep_figure(table, title), folder / "sweep.png")
+    print(f"{folder / 'sweep.csv'} and sweep.png are written")
 
 
 def _tune(options: argparse.Namespace) -> None:
@@ -128,8 +160,9 @@ def _tune(options: argparse.Namespace) -> None:
     named = ("method", "measure", "seed", "horizon")
     given = {name: value for name in named if (value := getattr(options, name)) is not None}
     for name, value in options.set:
-        if hasattr(options, name) or name in ("workers", "progress"):
-            raise HarnessError(f"{name} is no setting of a method{f'; use --{name}' if hasattr(options, name) else ''}")
+        if name in _arguments_of_tune():
+            mend = f"; use --{name}" if hasattr(options, name) and name != "domain" else ""
+            raise HarnessError(f"{name} is no setting of a method{mend}")
         given[name] = value
     try:
         result = _run(options, given)
@@ -146,6 +179,13 @@ def _tune(options: argparse.Namespace) -> None:
         print(f"{folder}: config.json, history.csv, history.png{more} and result.json are written")
 
 
+def _arguments_of_tune() -> set[str]:
+    """Those that are no setting of a method."""
+    from harness.tuning.run import COUNTS, tune
+
+    return set(inspect.signature(tune).parameters) - COUNTS.keys() - {"settings"}
+
+
 def _run(options: argparse.Namespace, given: dict[str, Any]) -> Tuned:
     from harness.tuning import resume, tune
 
@@ -158,9 +198,9 @@ def _run(options: argparse.Namespace, given: dict[str, Any]) -> Tuned:
 
 
 def _summary(result: Tuned) -> str:
-    from harness.tuning.run import brief
+    from harness.tuning.outcome import brief
 
-    run, best = result.config["run"], result.best
+    run = result.config["run"]
     kind = "discounted" if run["measure"] == "discounted" else "undiscounted"
     points = len(result.history)
     return "\n".join(
@@ -169,11 +209,32 @@ def _summary(result: Tuned) -> str:
             f"{points:,} evaluations of {result.history['episodes'].iloc[0]:,} episodes",
             f"stopped: {result.stopped}",
             "",
-            *(f"  {line}" for line in best.policy.splitlines()),
+            *(f"  {line}" for line in result.best.policy.splitlines()),
             *(
-                f"  {what:<28} return {s.mean:.2f} ± {s.sem:.2f}   discounted {s.discounted_mean:.2f} ± "
+                f"  {what:<29} return {s.mean:.2f} ± {s.sem:.2f}   discounted {s.discounted_mean:.2f} ± "
                 f"{s.discounted_sem:.2f}   ({s.episodes:,} episodes)"
-                for what, s in (("on the last training episodes", best.training), ("on fresh episodes", best.score))
+                for what, s in _lines(result)
             ),
+            _gain(result),
         ]
+    )
+
+
+def _lines(result: Tuned) -> list[tuple[str, Score]]:
+    shown = [
+        ("on the last training episodes", result.best.training),
+        ("on fresh episodes", result.best.score),
+        ("the start there", result.start.score),
+    ]
+    moved_on = result.ended.policy not in (result.best.policy, result.start.policy)
+    return [*shown, ("the end of the method there", result.ended.score)] if moved_on else shown
+
+
+def _gain(result: Tuned) -> str:
+    gain = result.gain
+    if not result.moved:
+        return "the start was the best: nothing that was visited did better on the validation episodes"
+    return (
+        f"more than the start: {gain.mean:+.2f} ± {gain.sem:.2f}, discounted {gain.discounted_mean:+.2f} ± "
+        f"{gain.discounted_sem:.2f} (paired, fresh episodes)"
     )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import bridge
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
 
 ENGINES = ("tables", "julia")
@@ -58,7 +58,7 @@ def choose(name: str, domain: Domain) -> str:
     if name == "auto":
         return "julia" if bridge.is_set_up() else "tables"
     if name not in ENGINES:
-        raise HarnessError(f"no engine '{name}'{nearest(name, ENGINES)} (known: auto, {', '.join(ENGINES)})")
+        raise HarnessError(f"no engine {quoted(name)}{nearest(name, ENGINES)} (known: auto, {', '.join(ENGINES)})")
     if name == "julia":
         bridge.require_set_up()
     return name

@@ -17,11 +17,17 @@ up), and the variation of an evolutionary search."""
 TUNER = 1 << 31
 """Stream of the tuning methods' own draws (perturbations, candidates)."""
 
+RESAMPLING = TUNER + 1
+"""Stream of the draws behind bootstrap intervals."""
+
 TRAINING = 1 << 62
 """Added to the seed of everything that learns, so that it never meets an episode that people score with."""
 
 HELD_OUT = 1 << 61
 """Added to the seed of the fresh episodes on which what was learnt is scored."""
+
+VALIDATION = 1 << 63
+"""Added to the seed of the episodes that choose among what a tuning run has visited."""
 
 REFINEMENT = TRAINING + HELD_OUT
 """Added to the seed of the episodes on which constants are tuned in the course of an evolution."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from harness import registry
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.ge import grammar as bnf
 from harness.ge.grammar import Grammar
 from harness.model.domain import Domain
@@ -28,12 +29,14 @@ def grammar_for(domain: Domain, name: str | Path | None) -> Grammar:
             return bnf.parse(_of_words(domain), f"grammar of {domain.name}")
         return bnf.read(registry.grammar_path(shipped))
     path = Path(name)
-    if path.suffix == ".bnf" or path.exists():
+    if path.suffix == ".bnf" or os.path.exists(path):  # unlike Path.exists it takes a name of any length
         return bnf.read(path)
     folder = registry.grammar_path("").parent
     known = sorted(p.stem for p in folder.glob("*.bnf"))
     if str(name) not in known:
-        raise HarnessError(f"no grammar '{name}'{nearest(str(name), known)} (known: {', '.join(known)}; or a BNF file)")
+        raise HarnessError(
+            f"no grammar {quoted(name)}{nearest(str(name), known)} (known: {', '.join(known)}; or a BNF file)"
+        )
     return bnf.read(registry.grammar_path(str(name)))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine import rng
+from harness.errors import quoted
 from harness.ge.grammar import Grammar, GrammarError
 from harness.ge.initialisation import GROW, tree
 from harness.ge.loop import Evaluated
@@ -83,7 +84,7 @@ def check_language(grammar: Grammar, words: Words) -> None:
             except ProgramError as error:
                 raise GrammarError(
                     f"{grammar.source}, line {grammar.productions[number].line}: a sentence of the grammar, "
-                    f"'{_shorten(text)}', is no program of {words.domain.name} ({error})"
+                    f"{quoted(text)}, is no program of {words.domain.name} ({error})"
                 ) from None
 
 
@@ -119,7 +120,3 @@ def _expand(grammar: Grammar, rule: int, way: list[int], depth: int, generator: 
         else:
             text += _expand(grammar, symbol, [], depth, generator)
     return text
-
-
-def _shorten(text: str) -> str:
-    return text if len(text) <= 60 else f"{text[:57]}…"

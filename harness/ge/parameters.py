@@ -5,17 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from harness.errors import HarnessError, nearest
-from harness.ge.initialisation import METHODS
-from harness.ge.operators import CROSSOVERS, MUTATIONS
+from harness.errors import HarnessError, nearest, quoted
 
+# The words alone: the command line's parser needs them, and not the compiled code that they stand for.
+INITIALISATIONS = ("ramped", "pi-grow", "uniform")
+CROSSOVERS = ("one-point", "fixed-one-point", "subtree")
+MUTATIONS = ("per-codon", "per-genome", "subtree", "structural")
 REPLACEMENTS = ("generational", "steady-state")
 LAMARCKIAN, BALDWINIAN = INHERITANCES = ("lamarckian", "baldwinian")
+
+_MOST = 1_000_000  # of every number that names no other limit
+_MOST_TOGETHER = 100_000_000
+"""Numbers that a generation holds at once, such as returns of all programs in all episodes: 0.8 GB."""
 
 
 def _parameter(
     default: Any, text: str, choices: Any = (), least: float | None = None, most: float | None = None
 ) -> Any:
+    if most is None and not isinstance(default, (str, bool)):
+        most = _MOST
     return field(default=default, metadata={"help": text, "choices": tuple(choices), "least": least, "most": most})
 
 
@@ -28,15 +36,17 @@ class Parameters:
     episodes: int = _parameter(100, "episodes whose mean is the fitness, new ones in every generation", least=1)
     horizon: int = _parameter(50, "steps an episode lasts", least=1)
     seed: int = _parameter(0, "of everything random in the run", least=0, most=2**31 - 1)
-    shaping: str = _parameter("none", "reward shaping during the search")
+    shaping: str = _parameter("none", "reward shaping during the search: none, or of BorderCross paper, potential")
     loop: bool = _parameter(False, "programs start again at the top until the episode ends")
     penalty: float = _parameter(0.1, "fitness lost for every statement beyond --free-length", least=0)
     free_length: int = _parameter(50, "statements that cost nothing", least=0)
-    initialisation: str = _parameter("ramped", "of the first population", METHODS)
-    max_init_depth: int = _parameter(50, "levels of the first population's derivation trees", least=1)
+    initialisation: str = _parameter("ramped", "of the first population", INITIALISATIONS)
+    max_init_depth: int = _parameter(50, "levels of the first population's derivation trees", least=1, most=1000)
     codon_size: int = _parameter(1000, "codons are whole numbers below this", least=2, most=2**31 - 1)
-    tail: float = _parameter(0.5, "unused codons appended at first, as a share of the used ones", least=0)
-    max_wraps: int = _parameter(0, "times that the codons are read again before an individual is invalid", least=0)
+    tail: float = _parameter(0.5, "unused codons appended at first, as a share of the used ones", least=0, most=10)
+    max_wraps: int = _parameter(
+        0, "times that the codons are read again before an individual is invalid", least=0, most=1000
+    )
     max_codons: int = _parameter(2000, "longer genotypes are cut", least=1)
     tournament: int = _parameter(2, "individuals in a selection tournament", least=1)
     elites: int = _parameter(1, "best individuals that pass on unchanged", least=0)
@@ -68,6 +78,8 @@ class Parameters:
             raise HarnessError(f"elites must be fewer than the population of {self.population}, not {self.elites}")
         if self.refine_every and not self.refine:
             raise HarnessError("refine_every needs refine, the number of programs whose constants are tuned")
+        for name in ("episodes", "max_codons", "tournament"):
+            _check_together(self.population, name, getattr(self, name))
 
 
 def from_record(record: dict[str, Any]) -> Parameters:
@@ -79,8 +91,27 @@ def from_record(record: dict[str, Any]) -> Parameters:
     known = [f.name for f in fields(Parameters)]
     for name in record:
         if name not in known:
-            raise HarnessError(f"no parameter '{name}'{nearest(name, known)} (known: {', '.join(known)})")
+            raise HarnessError(f"no parameter {quoted(name)}{nearest(name, known)} (known: {', '.join(known)})")
     return Parameters(**record)
+
+
+def check_value(name: str, value: Any) -> None:
+    """Check one parameter by itself.
+
+    Raises:
+        HarnessError: the name is unknown, or the value out of its range or of the wrong type.
+    """
+    known = {f.name: f for f in fields(Parameters)}
+    if name not in known:
+        raise HarnessError(f"no parameter {quoted(name)}{nearest(name, known)} (see: harness evolve --help)")
+    _check(name, value, known[name].default, known[name].metadata)
+
+
+def _check_together(population: int, name: str, count: int) -> None:
+    if population * count > _MOST_TOGETHER:
+        raise HarnessError(
+            f"population and {name} must be {_MOST_TOGETHER:,} or less when multiplied, not {population * count:,}"
+        )
 
 
 def _check(name: str, value: Any, default: Any, limits: Any) -> None:
@@ -88,10 +119,10 @@ def _check(name: str, value: Any, default: Any, limits: Any) -> None:
     right = isinstance(value, (int, float)) if kind is float else isinstance(value, kind)
     if not right or (isinstance(value, bool) and kind is not bool):
         words = {int: "a whole number", float: "a number", str: "a word", bool: "true or false"}
-        raise HarnessError(f"{name} must be {words[kind]}, not {value!r}")
+        raise HarnessError(f"{name} must be {words[kind]}, not {quoted(value)}")
     if limits["choices"] and value not in limits["choices"]:
         choices = limits["choices"]
-        raise HarnessError(f"no {name} '{value}'{nearest(value, choices)} (known: {', '.join(choices)})")
+        raise HarnessError(f"no {name} {quoted(value)}{nearest(value, choices)} (known: {', '.join(choices)})")
     if limits["least"] is not None and not value >= limits["least"]:
         raise HarnessError(f"{name} must be {limits['least']} or more, not {value}")
     if limits["most"] is not None and not value <= limits["most"]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from harness import cards
 from harness.ge.parameters import Parameters
 from harness.play.evaluation import Score
 from harness.policy.program import ProgramPolicy
@@ -15,6 +16,7 @@ from harness.program import Program
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 QUARTILES = (0.25, 0.5, 0.75)
 
@@ -55,9 +57,31 @@ class Evolution:
     """The programs compared at the end: fitness, validation and its standard error, length, program."""
     best: Best
 
-    def plot(self, axes: Axes | None = None) -> Axes:
-        """Learning curve: what selection saw of the best, and its score on fresh episodes."""
-        return _plot([self], axes)
+    def plot(self, axes: Axes | None = None) -> Figure:
+        """Learning curve: what selection saw of the best, and its score on fresh episodes with the 95 % interval.
+
+        ``axes``: where to draw; by default on a new figure. The figure drawn on is returned.
+        """
+        from harness.ge.figures import run_figure
+
+        return run_figure(self.history, axes)
+
+    def _facts(self) -> dict[str, object]:
+        score = self.best.score
+        return {
+            "seed": self.parameters.seed,
+            "generations": len(self.history) - 1,
+            "return": cards.plus_minus(score.mean, score.sem),
+            "discounted": cards.plus_minus(score.discounted_mean, score.discounted_sem),
+            "statements": self.best.program.length,
+        }
+
+    def __repr__(self) -> str:
+        """The best program's score and length, on one line."""
+        return cards.line("Evolution", f"on {self.domain}", self._facts())
+
+    def _repr_html_(self) -> str:
+        return cards.card("Evolution", f"on {self.domain}", self._facts(), self.best.text)
 
 
 @dataclass(frozen=True)
@@ -101,9 +125,30 @@ class Evolutions:
         """Quartiles over the runs of a column of the history, one row a generation: q25, q50, q75."""
         return quartiles(self.history, column)
 
-    def plot(self, axes: Axes | None = None) -> Axes:
-        """Median and quartiles over the runs of the best's score on fresh episodes."""
-        return _plot(self.runs, axes)
+    def plot(self, axes: Axes | None = None) -> Figure:
+        """Median and quartiles over the runs of the best's score on fresh episodes; of one run, its own curve.
+
+        ``axes``: where to draw; by default on a new figure. The figure drawn on is returned.
+        """
+        from harness.ge.figures import run_figure, runs_figure
+
+        return runs_figure(self.history, axes) if len(self.runs) > 1 else run_figure(self.history, axes)
+
+    def _facts(self) -> dict[str, object]:
+        low, middle, high = np.quantile([run.best.score.mean for run in self.runs], QUARTILES)
+        score = self.best.score
+        return {
+            "runs": len(self.runs),
+            "median return": f"{middle:.2f} (quartiles {low:.2f} to {high:.2f})",
+            "return of the best": cards.plus_minus(score.mean, score.sem),
+        }
+
+    def __repr__(self) -> str:
+        """How well the runs did, on one line."""
+        return cards.line("Evolutions", f"on {self.runs[0].domain}", self._facts())
+
+    def _repr_html_(self) -> str:
+        return cards.card("Evolutions", f"on {self.runs[0].domain}", self._facts(), self.best.text)
 
 
 def quartiles(history: pd.DataFrame, column: str) -> pd.DataFrame:
@@ -131,26 +176,3 @@ COLUMNS = {
     "seconds": "time the generation took, the only column that differs between equal runs",
 }
 """Columns of a history."""
-
-
-def _plot(runs: list[Evolution], axes: Any) -> Any:
-    from matplotlib import pyplot as plt
-
-    if axes is None:
-        axes = plt.subplots(figsize=(6, 4), layout="constrained")[1]
-    if len(runs) == 1:
-        history = runs[0].history
-        x, low, middle, high = history["generation"], *(history["test"] + z * history["test_sem"] for z in (-2, 0, 2))
-        axes.plot(x, history["best"], color="0.7", lw=1, label="fitness of the best (what selection sees)")
-        axes.fill_between(x, low, high, color="C0", alpha=0.25, lw=0)
-        axes.plot(x, middle, color="C0", label="the best on fresh episodes, ± 2 standard errors")
-    else:
-        curve = Evolutions(runs).curve()
-        axes.fill_between(curve.index, curve["q25"], curve["q75"], color="C0", alpha=0.25, lw=0)
-        axes.plot(curve.index, curve["q50"], color="C0", label=f"median and quartiles of {len(runs)} runs")
-    axes.set(xlabel="generation", ylabel="undiscounted return within the horizon")
-    lowest = np.nanmin([run.history["test"].min() for run in runs])
-    axes.set_ylim(bottom=min(0.0, float(lowest)))
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
-    return axes

@@ -7,21 +7,23 @@ import os
 import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
 import joblib
-from tqdm.auto import tqdm
 
-from harness import files, host
+from harness import files, host, locking
 from harness.errors import HarnessError
-from harness.ge.folder import RunFolder
-from harness.ge.parameters import Parameters
+from harness.ge.folder import PREFIX, Plan, RunFolder, check_new
+from harness.ge.parameters import Parameters, from_record
 from harness.ge.results import Evolution, Evolutions
 from harness.ge.search import Setup, config_of, prepare, restore, run
 from harness.model.domain import Domain
+from harness.progress import Bar, Progress
 
 
+@locking.alone
 def evolve(
     domain: Domain | str,
     grammar: str | Path | None = None,
@@ -31,7 +33,7 @@ def evolve(
     engine: str = "tables",
     workers: int | None = None,
     backend: str = "loky",
-    progress: bool = False,
+    progress: Progress = False,
     **parameters: Any,
 ) -> Evolution | Evolutions:
     """Evolve a program for a domain by grammatical evolution.
@@ -46,7 +48,8 @@ def evolve(
             programs are the same, and found many times faster.
         workers: threads of one run, processes of many (default: as many as there are cores); they change no number.
         backend: joblib's backend for many runs: ``loky`` (processes), ``threading``, ``dask``, …
-        progress: show a progress bar on a terminal.
+        progress: True for a bar on a terminal, or a function that is called with the number of generations finished
+            since its last call.
         parameters: of the run, see :class:`harness.ge.parameters.Parameters`: ``population``, ``generations``,
             ``episodes``, ``seed``, ``shaping``, ``loop``, ``tournament``, ``crossover``, ``mutation``, …
 
@@ -54,7 +57,8 @@ def evolve(
         :class:`harness.ge.results.Evolution` for one run, :class:`harness.ge.results.Evolutions` for more.
 
     Raises:
-        HarnessError: an argument, the grammar or the folder is wrong; nothing has run then.
+        HarnessError: an argument, the grammar or the folder is wrong, and nothing has run then; or a file cannot be
+            written, or a worker was killed, and what ``out`` holds can be resumed.
         KeyboardInterrupt: Ctrl-C; what ``out`` holds can be resumed.
     """
     _check_runs(runs, workers)
@@ -67,20 +71,22 @@ def evolve(
         return _one(setup._replace(workers=workers or host.cores()), folder, progress)
     with contextlib.ExitStack() as stack:
         parent = Path(out if out is not None else stack.enter_context(tempfile.TemporaryDirectory()))
-        setups = [_with_seed(setup, setup.parameters.seed + k) for k in range(runs)]
-        folders = [_folder_of(parent, each.parameters.seed) for each in setups]
-        for each, folder in zip(setups, folders, strict=True):
-            folder.create(config_of(each, name), each.grammar.text)
-        return _many(setups, folders, parent, workers, backend, progress)
+        check_new(parent)
+        seeds = [setup.parameters.seed + k for k in range(runs)]
+        setups = [_with_seed(setup, seed) for seed in seeds]  # also checks that there are such seeds
+        Plan(parent).write(config_of(setup, name), setup.grammar.text, seeds)
+        return _many(setups, _planned(parent), parent, workers, backend, progress)
 
 
+@locking.alone
 def resume(
     out: str | Path,
     *,
     generations: int | None = None,
     workers: int | None = None,
     backend: str = "loky",
-    progress: bool = False,
+    allow_code: bool = False,
+    progress: Progress = False,
 ) -> Evolution | Evolutions:
     """Go on with what :func:`harness.evolve` began in a folder; the end is the same as without the interruption.
 
@@ -89,45 +95,68 @@ def resume(
         generations: go on for longer than the run was meant to.
         workers: threads of one run, processes of many.
         backend: joblib's backend for many runs.
-        progress: show a progress bar on a terminal.
+        allow_code: load the domain even where the folder names a file, a snapshot or a Julia file.
+        progress: True for a bar on a terminal, or a function that is called with the number of generations finished
+            since its last call.
 
     Raises:
         HarnessError: the folder holds no run, a damaged one, or one on another model of the domain.
     """
     parent = Path(out)
     _check_runs(1, workers)
-    folders = folders_of(parent)
+    folders = _planned(parent, generations) or folders_of(parent)
     if not folders:
         folder = RunFolder(parent)
-        return _one(_restored(folder, workers or host.cores(), generations), folder, progress)
-    setups = [_restored(folder, 1, generations) for folder in folders]
+        return _one(_restored(folder, workers or host.cores(), generations, allow_code), folder, progress)
+    setups = [_restored(folder, 1, generations, allow_code) for folder in folders]
     return _many(setups, folders, parent, workers, backend, progress)
-
-
-_PREFIX = "seed-"
 
 
 def folders_of(parent: Path) -> list[RunFolder]:
     """The folders of many runs, by seed; none where ``parent`` holds a single run, or nothing."""
-    return [RunFolder(path.parent) for path in sorted(parent.glob(f"{_PREFIX}*/config.json"), key=_seed_of)]
+    return [RunFolder(path.parent) for path in sorted(parent.glob(f"{PREFIX}*/config.json"), key=_seed_of)]
 
 
-def _restored(folder: RunFolder, workers: int, generations: int | None) -> Setup:
-    setup = restore(folder, workers, generations)
+def begun(parent: Path) -> bool:
+    """Whether a folder holds runs that :func:`resume` goes on with."""
+    return Plan(parent).path.exists() or bool(folders_of(parent)) or (parent / "config.json").exists()
+
+
+def _planned(parent: Path, generations: int | None = None) -> list[RunFolder]:
+    """The folders of all runs in the plan, made or prolonged where they lack that; none where there is no plan."""
+    plan = Plan(parent)
+    if not plan.path.exists():
+        return []
+    config, grammar, seeds = plan.read()
+    if generations is not None:
+        config = _with(config, generations=generations)
+        plan.write(config, grammar, seeds)
+    least = from_record(config["parameters"]).generations
+    folders = [RunFolder(parent / f"{PREFIX}{seed}") for seed in seeds]
+    for folder, seed in zip(folders, seeds, strict=True):
+        if not (folder.path / "config.json").exists():
+            folder.create(_with(config, seed=seed), grammar)
+        elif from_record(folder.config()["parameters"]).generations < least:
+            folder.prolong(least)
+    return folders
+
+
+def _with(config: Mapping[str, Any], **parameters: int) -> dict[str, Any]:
+    return {**config, "parameters": {**config["parameters"], **parameters}}
+
+
+def _restored(folder: RunFolder, workers: int, generations: int | None, allow_code: bool) -> Setup:
+    setup = restore(folder, workers, generations, allow_code)
     state = folder.state()
     if generations is not None:
         if state and generations < state.generation:
             raise HarnessError(f"{folder.path} is at generation {state.generation} already; ask for more of them")
-        files.replace_json(folder.path / "config.json", {**folder.config(), "parameters": setup.parameters.__dict__})
+        folder.prolong(generations)
     return setup
 
 
-def _folder_of(parent: Path, seed: int) -> RunFolder:
-    return RunFolder(parent / f"{_PREFIX}{seed}")
-
-
 def _seed_of(config: Path) -> tuple[int, str]:
-    number = config.parent.name.removeprefix(_PREFIX)
+    number = config.parent.name.removeprefix(PREFIX)
     return (int(number), "") if number.isdecimal() else (-1, number)
 
 
@@ -142,7 +171,7 @@ def _check_runs(runs: int, workers: int | None) -> None:
         raise HarnessError(f"workers must be 1 or more, not {workers}")
 
 
-def _one(setup: Setup, folder: RunFolder | None, progress: bool) -> Evolution:
+def _one(setup: Setup, folder: RunFolder | None, progress: Progress) -> Evolution:
     with _bar(setup.parameters.generations + 1, progress) as bar:
 
         def watch(row: Mapping[str, Any]) -> None:
@@ -159,39 +188,44 @@ def _many(
     parent: Path,
     workers: int | None,
     backend: str,
-    progress: bool,
+    progress: Progress,
 ) -> Evolutions:
     """All runs, as many at a time as there are workers. What is on disk tells how far they are."""
+    tasks = [joblib.delayed(_in_worker)(*pair) for pair in zip(setups, folders, strict=True)]
+    watched: dict[str, Any] = {"initializer": host.end_with, "initargs": (os.getpid(),)} if backend == "loky" else {}
     with _bar(sum(setup.parameters.generations + 1 for setup in setups), progress) as bar, _watching(folders, bar):
-        tasks = (joblib.delayed(_in_worker)(*pair, os.getpid()) for pair in zip(setups, folders, strict=True))
-        result = Evolutions(joblib.Parallel(n_jobs=workers or host.cores(), backend=backend)(tasks))
+        try:
+            runs = joblib.Parallel(n_jobs=workers or host.cores(), backend=backend, **watched)(tasks)
+        except BrokenProcessPool:
+            raise HarnessError(
+                f"a worker process of {parent} was killed, perhaps for want of memory; go on with --resume {parent}, "
+                "and fewer --workers"
+            ) from None
+    result = Evolutions(runs)
     files.replace_text(parent / "runs.csv", result.table.to_csv(index=False, lineterminator="\n"))
     files.replace_text(parent / "curve.csv", result.curve().to_csv(lineterminator="\n"))
     return result
 
 
-def _in_worker(setup: Setup, folder: RunFolder, caller: int) -> Evolution:
-    """A run in another process. When the one that asked for it is killed, it stops: somebody may resume the folder."""
-    is_child = os.getppid() == caller
-
-    def watch(row: Mapping[str, Any]) -> None:
-        if is_child and os.getppid() != caller:
-            os._exit(1)  # nobody is left to tell
-
-    return run(setup, folder, watch)
+def _in_worker(setup: Setup, folder: RunFolder) -> Evolution:
+    with locking.alone_in(folder.path):
+        return run(setup, folder, lambda row: None)
 
 
-def _bar(total: int, progress: bool) -> Any:
-    return tqdm(total=total, unit="gen", disable=None if progress else True)
+def _bar(total: int, progress: Progress) -> Bar:
+    return Bar(progress, total, unit="gen", leave=True)
 
 
 @contextlib.contextmanager
-def _watching(folders: Sequence[RunFolder], bar: Any) -> Iterator[None]:
+def _watching(folders: Sequence[RunFolder], bar: Bar) -> Iterator[None]:
     done = threading.Event()
+
+    def count() -> None:
+        bar.update(sum(folder.rows_written() for folder in folders) - bar.n)
 
     def watch() -> None:
         while not done.wait(1.0):
-            bar.update(sum(folder.rows_written() for folder in folders) - bar.n)
+            count()
 
     thread = threading.Thread(target=watch, daemon=True)
     thread.start()
@@ -200,3 +234,4 @@ def _watching(folders: Sequence[RunFolder], bar: Any) -> Iterator[None]:
     finally:
         done.set()
         thread.join()
+        count()

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 
 from harness import engine as engines
-from harness import registry
+from harness import files, registry
 from harness.engine import rng
 from harness.errors import HarnessError
 from harness.ge import grammar as bnf
-from harness.ge import loop
+from harness.ge import loop, parameter_file
 from harness.ge.defaults import grammar_for
 from harness.ge.fitness import ProgramFitness, check_language
 from harness.ge.folder import RunFolder, State, provenance
@@ -81,14 +81,14 @@ def config_of(setup: Setup, name: str) -> dict[str, Any]:
     }
 
 
-def restore(folder: RunFolder, workers: int, generations: int | None = None) -> Setup:
+def restore(folder: RunFolder, workers: int, generations: int | None = None, allow_code: bool = False) -> Setup:
     """The setup of a run that has a folder; with ``generations``, to go on for longer than it was meant to.
 
     Raises:
-        HarnessError: the folder is damaged, or its domain is no longer the same.
+        HarnessError: the folder is damaged, its domain is no longer the same, or is a file and ``allow_code`` is False.
     """
     config = folder.config()
-    domain = registry.load(config["domain"])
+    domain = registry.load_from_data(config["domain"], allow_code)
     if domain.model_hash != config["model_hash"]:
         raise HarnessError(
             f"{folder.path} was begun on version {config.get('domain_version')} of {config['domain']}, another model "
@@ -96,7 +96,8 @@ def restore(folder: RunFolder, workers: int, generations: int | None = None) -> 
         )
     more = {} if generations is None else {"generations": generations}
     parameters = from_record({**config["parameters"], **more})
-    return _checked(domain, bnf.read(folder.path / "grammar.bnf"), parameters, config["engine"], workers)
+    grammar = bnf.parse(folder.grammar(), config["grammar"])
+    return _checked(domain, grammar, parameters, config["engine"], workers)
 
 
 def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
@@ -104,6 +105,8 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
     p = setup.parameters
     fitness = ProgramFitness(setup.domain, p, setup.engine, setup.workers)
     state = folder.state() if folder else None
+    if folder and state and len(state.population) != p.population:
+        raise HarnessError(f"the checkpoint in {folder.path} is of another run; start anew in another folder")
     rows = list(state.rows) if state else []
     start, first = (state.generation, state.population) if state else (0, loop.first_population(setup.grammar, p))
     for row in rows:
@@ -111,6 +114,8 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
     saved = begun = time.monotonic()
     last: loop.Generation | None = None  # the last one that is in the history
     rivals: list[str] = []
+    if folder:
+        files.replace_text(folder.path / parameter_file.NAME, parameter_file.text(p, setup.domain.name))
     try:
         for generation in loop.evolve(setup.grammar, p, fitness, first, start, _refiner(setup, fitness)):
             if generation.number == p.generations:

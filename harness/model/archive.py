@@ -1,22 +1,41 @@
-"""The file format of snapshots and solved policies: one ``.npz`` with arrays and a JSON record, guarded by a hash."""
+"""The file format of snapshots and solved policies: one ``.npz`` with arrays and a JSON record, guarded by a hash.
+
+A file is read as what a stranger may have sent: its headers say how much memory it takes, and nothing is unpacked
+unless that is within :data:`LARGEST`.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
+import struct
+import tokenize
+import warnings
 import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness import files
-from harness.errors import SnapshotError
+from harness.errors import SnapshotError, quoted
 
 FORMAT = 1
+LARGEST = 2**30
+"""Bytes that the arrays of a file may take together, 1 GiB; the largest file of the package takes 35 MB."""
+_MOST_ARRAYS = 100
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+_PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_UNREADABLE = (
+    OSError, ValueError, TypeError, KeyError, EOFError, OverflowError, RuntimeError, MemoryError, SyntaxError,
+    IndexError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+"""What NumPy, zipfile and json raise for files with flipped bits."""
+
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -27,7 +46,7 @@ def digest(arrays: Mapping[str, NDArray[Any]], record: Any) -> str:
         array = np.ascontiguousarray(arrays[name])
         array = array.astype(array.dtype.newbyteorder("<"), copy=False)
         total.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
-        total.update(array.tobytes())
+        total.update(array.reshape(-1).view(np.uint8).data)
     return total.hexdigest()
 
 
@@ -43,26 +62,60 @@ def read(path: Path, kind: str, mend: str = "export it again") -> tuple[dict[str
     """Record and arrays of an archive of the given kind; ``mend`` is what error messages tell the user to do.
 
     Raises:
-        SnapshotError: the file is missing, truncated, changed by hand, or not of this kind or format.
+        SnapshotError: the file is missing, truncated, changed by hand, too large, or not of this kind or format.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+        arrays = _arrays(path)
         record = json.loads(str(arrays.pop("record")))
+    except SnapshotError:
+        raise
     except FileNotFoundError:
         raise SnapshotError(f"{path}: no such file") from None
-    except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error):
+    except _UNREADABLE:
         raise SnapshotError(
             f"{path}: not a readable {kind} file (truncated, or not made by this harness); {mend}"
         ) from None
     if not isinstance(record, dict) or record.get("kind") != kind:
         found = record.get("kind") if isinstance(record, dict) else None
-        raise SnapshotError(f"{path}: this is a file of kind '{found}', a '{kind}' is needed here")
+        raise SnapshotError(f"{path}: this is a file of kind {quoted(found)}, a '{kind}' is needed here")
     if record.get("format") != FORMAT:
         raise SnapshotError(
-            f"{path}: written in format {record.get('format')}, this harness reads format {FORMAT}; {mend}"
+            f"{path}: written in format {quoted(record.get('format'))}, this harness reads format {FORMAT}; {mend}"
         )
     claimed = record.pop("content_hash", None)
     if digest(arrays, record) != claimed:
         raise SnapshotError(f"{path}: contents do not match their hash (damaged or changed by hand); {mend}")
     return record, arrays
+
+
+def _arrays(path: Path) -> Arrays:
+    with zipfile.ZipFile(path) as stored:
+        members = stored.infolist()
+        size = sum(member.file_size for member in members)
+        if size > LARGEST or len(members) > _MOST_ARRAYS:
+            raise SnapshotError(
+                f"{path}: {len(members)} arrays of {size:,} bytes are too much; a file holds {_MOST_ARRAYS} of "
+                f"{LARGEST:,} bytes at most"
+            )
+        if any(member.compress_type not in _PACKINGS for member in members):  # others unpack without a limit
+            raise zipfile.BadZipFile
+        return {member.filename.removesuffix(".npy"): _array(stored, member) for member in members}
+
+
+def _array(stored: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    """An array whose header tells of as many bytes as there are: np.load would take the memory first."""
+    with stored.open(member) as file:
+        shape, column_major, dtype = _header(file)
+        data = file.read()
+    if dtype.hasobject or min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != len(data):
+        raise ValueError
+    array = np.empty(shape, dtype, order="F" if column_major else "C")
+    array.reshape(-1, order="A").view(np.uint8)[:] = np.frombuffer(data, np.uint8)
+    return array
+
+
+def _header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of headers as Python 2 wrote them
+        header: tuple[tuple[int, ...], bool, np.dtype[Any]] = _HEADERS[np.lib.format.read_magic(file)](file)
+    return header

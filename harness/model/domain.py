@@ -6,8 +6,9 @@ way it holds the same arrays, and no line of Python says how the domain behaves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, SnapshotError, nearest
-from harness.model import archive
+from harness import cards
+from harness.errors import HarnessError, SnapshotError, nearest, quoted
+from harness.model import archive, validation
 from harness.model.tables import Tables, from_arrays
 
 KIND = "domain"
@@ -84,8 +86,24 @@ class Domain:
     live: Any = field(default=None, repr=False)
     """The Julia model, for a domain made from live Julia; None for a named instance."""
 
-    def __deepcopy__(self, memo: object) -> Domain:
-        """Itself: a domain never changes, so copies of what holds it (a policy) share it."""
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same model under the same name, version and shaping, read from wherever."""
+        return self is other or (isinstance(other, Domain) and self._identity == other._identity)
+
+    def __hash__(self) -> int:
+        """Of what makes two equal."""
+        return hash(self._identity)
+
+    @cached_property
+    def _identity(self) -> tuple[str, int, str, str]:
+        return self.name, self.version, self.shaping, self.model_hash
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields without the live Julia model, which lives in this process only."""
+        return {each.name: getattr(self, each.name) for each in fields(self)} | {"live": None}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Domain:
+        """Itself: nothing in it changes, and copies of policies that hold a domain shall not hold all its arrays."""
         return self
 
     @property
@@ -155,7 +173,8 @@ class Domain:
         """
         if name not in self.actions:
             raise HarnessError(
-                f"{self.name} has no action '{name}'{nearest(name, self.actions)} (actions: {' '.join(self.actions)})"
+                f"{self.name} has no action {quoted(name)}{nearest(name, self.actions)} "
+                f"(actions: {' '.join(self.actions)})"
             )
         return self.actions.index(name)
 
@@ -167,10 +186,28 @@ class Domain:
         """
         if shaping not in self.shapings:
             raise HarnessError(
-                f"{self.name} has no reward shaping '{shaping}'{nearest(shaping, self.shapings)} "
+                f"{self.name} has no reward shaping {quoted(shaping)}{nearest(shaping, self.shapings)} "
                 f"(known: {', '.join(self.shapings)})"
             )
         return replace(self, shaping=shaping)
+
+    def _facts(self) -> dict[str, object]:
+        shaping = {} if self.shaping == "none" else {"shaping": self.shaping}
+        return {
+            "version": self.version,
+            "states": f"{self.n_states:,}",
+            "actions": self.n_actions,
+            "observations": self.n_observations,
+            "discount": self.discount,
+            **shaping,
+        }
+
+    def __repr__(self) -> str:
+        """Name and sizes, on one line."""
+        return cards.line("Domain", self.name, self._facts())
+
+    def _repr_html_(self) -> str:
+        return cards.card("Domain", self.name, {"title": self.title, **self._facts()})
 
 
 def from_export(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], live: Any = None) -> Domain:
@@ -224,10 +261,15 @@ def read(path: Path) -> Domain:
     """Read a snapshot.
 
     Raises:
-        SnapshotError: the file is damaged or is no snapshot.
+        SnapshotError: the file is damaged or is no snapshot, or its arrays make no domain (the first fault is named).
     """
     record, arrays = archive.read(path, KIND)
-    try:
-        return from_export(record, arrays)
-    except KeyError as error:
-        raise SnapshotError(f"{path}: the snapshot lacks {error}; export it again") from None
+    _refuse(path, itertools.chain(validation.record_breaches(record), validation.type_breaches(arrays, ARRAYS)))
+    domain = from_export(record, arrays)
+    _refuse(path, validation.breaches(domain))
+    return domain
+
+
+def _refuse(path: Path, breaches: Iterator[str]) -> None:
+    for first in breaches:
+        raise SnapshotError(f"{path}: {first}; export it again")

@@ -17,19 +17,25 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.model.caching import cache_folder
+
 _F = TypeVar("_F")
 Records = NDArray[Any]
 
 
 def compiled(function: _F) -> _F:
     """Numba, without the GIL, cached on disk. No fast-math: results must be the same everywhere, bit for bit."""
-    jitted: Any = numba.njit(nogil=True, cache=True)(function)
-    return jitted
+    return _jitted(function)
 
 
 def inlined(function: _F) -> _F:
     """The same for the small verbs that compiled loops call once an episode."""
-    jitted: Any = numba.njit(nogil=True, cache=True, forceinline=True)(function)
+    return _jitted(function, forceinline=True)
+
+
+def _jitted(function: _F, **options: Any) -> _F:
+    with cache_folder() as cached:
+        jitted: Any = numba.njit(nogil=True, cache=cached, **options)(function)
     return jitted
 
 

@@ -15,7 +15,8 @@ from harness import engine as engines
 from harness import policy as policies
 from harness import registry
 from harness.engine.batch import Batch
-from harness.errors import HarnessError
+from harness.errors import HarnessError, printable
+from harness.model import validation
 from harness.model.domain import Domain
 from harness.model.tables import STOP
 from harness.play.evaluation import HORIZON, simulate
@@ -28,6 +29,10 @@ _TOLERANCE = 1e-9
 
 class ConformanceError(HarnessError):
     """A domain, an engine or a policy breaks the contract; the message lists every breach found."""
+
+    def __str__(self) -> str:
+        """All of the list, however long."""
+        return printable(self.args[0])
 
 
 def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500, seed: int = 0) -> None:
@@ -43,7 +48,7 @@ def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500
         ConformanceError: with every breach found.
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
-    breaches = list(_check_tables(domain))
+    breaches = list(validation.breaches(domain))
     if not breaches:  # an engine on broken tables would only fail in stranger ways
         breaches = list(_check_engine(domain, engines.choose(engine, domain), episodes, seed))
     if breaches:
@@ -52,86 +57,6 @@ def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500
 
 def _exported(d: Domain) -> SimpleNamespace:
     return SimpleNamespace(**d.arrays)
-
-
-def _check_tables(d: Domain) -> Iterator[str]:
-    t = _exported(d)
-    rows, outcomes = len(t.legal), len(t.outcome_visible)
-    if not 0 < d.discount <= 1:
-        yield f"the discount {d.discount} is not in (0, 1]"
-    for what, names in (
-        ("action", d.actions),
-        ("observation", d.observations),
-        ("feature", [f[0] for f in d.features]),
-    ):
-        if len(set(names)) != len(names):
-            yield f"two {what}s share a name"
-    if len(t.first_row) != d.n_visible * d.n_actions or len(t.terminal) != d.n_visible:
-        yield "first_row, factor or terminal do not have one entry a visible value (and action)"
-        return
-    if (np.diff(t.row_outcomes) < 1).any() or t.row_outcomes[-1] != outcomes or len(t.row_outcomes) != rows + 1:
-        yield "a row has no outcome, or row_outcomes does not end at the last outcome"
-        return
-    yield from _check_ranges(d)
-    yield from _check_probabilities(d)
-    if (t.first_row.reshape(d.n_visible, -1)[t.terminal] != -1).any():
-        yield "a terminal visible value has rows"
-    if not np.isfinite(d.arrays["outcome_reward"]).all():
-        yield "a reward is not a finite number"
-    for v in np.flatnonzero(~t.terminal):
-        first = t.first_row[v * d.n_actions : (v + 1) * d.n_actions]
-        if not t.legal[first].any():
-            yield f"no action is legal at visible value {v}"
-            return
-
-
-def _check_ranges(d: Domain) -> Iterator[str]:
-    t = _exported(d)
-    sizes = np.array([*d.factor_sizes, 1])  # the last entry serves factor −1: one row
-    live = np.repeat(~t.terminal, d.n_actions)
-    ends = t.first_row[live] + sizes[t.factor[live]]
-    if (t.first_row[live] < 0).any() or (ends > len(t.legal)).any():
-        yield "first_row points outside the rows"
-    bounds = (
-        ("outcome_visible", 0, d.n_visible),
-        ("outcome_value", 0, int(sizes.max())),
-        ("outcome_observation", 0, len(t.observation_probability)),
-        ("factor", -1, len(d.factors)),
-        ("start_visible", 0, d.n_visible),
-        ("start_observation", -1, len(t.observation_probability)),
-        ("prior_factor", -1, len(d.factors)),
-    )
-    for name, low, high in bounds:
-        array = getattr(t, name)
-        if (array < low).any() or (array >= high).any():
-            yield f"{name} leaves the range {low} … {high - 1}"
-    if any(not 0 <= k < len(d.factors) or not 0 <= x < d.factor_sizes[k] for _, k, x in d.features):
-        yield "a feature names a factor or value that does not exist"
-    if t.observation_probability.shape[1] != d.n_observations:
-        yield "the observation distributions do not have one entry an observation"
-
-
-def _check_probabilities(d: Domain) -> Iterator[str]:
-    t = _exported(d)
-    if (t.outcome_probability <= 0).any() or (t.observation_probability < 0).any():
-        yield "a probability is negative, or an outcome has none"
-    totals = np.add.reduceat(t.outcome_probability, t.row_outcomes[:-1])
-    if not np.allclose(totals, 1, atol=_TOLERANCE):
-        yield f"the outcomes of row {np.abs(totals - 1).argmax()} do not sum to 1"
-    if not np.allclose(t.outcome_cdf[t.row_outcomes[1:] - 1], totals, atol=_TOLERANCE):
-        yield "outcome_cdf does not end at the row's total"
-    if not np.allclose(t.observation_probability.sum(axis=1), 1, atol=_TOLERANCE):
-        yield "an observation distribution does not sum to 1"
-    if not np.allclose(np.cumsum(t.observation_probability, axis=1), t.observation_cdf, atol=_TOLERANCE):
-        yield "observation_cdf is not the running sum of observation_probability"
-    if (np.diff(t.start_cdf) <= 0).any() or abs(t.start_cdf[-1] - 1) > _TOLERANCE:
-        yield "start_cdf does not rise to 1"
-    for k in range(len(d.factors)):
-        prior = t.prior_marginals[:, d.factor_offset[k] : d.factor_offset[k + 1]]
-        if (prior < 0).any() or not np.allclose(prior.sum(axis=1), 1, atol=_TOLERANCE):
-            yield f"the prior of {d.factors[k]} is not a distribution"
-    if set(t.start_visible) != set(t.prior_visible):
-        yield "start_visible and prior_visible differ"
 
 
 def _check_engine(d: Domain, engine: str, episodes: int, seed: int) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -12,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import cards, host, registry
 from harness import engine as engines
-from harness import host, registry
 from harness import policy as policies
 from harness.engine import Engine, rng
 from harness.engine.batch import Batch, read_only
@@ -22,6 +23,7 @@ from harness.model.domain import Domain
 from harness.model.tables import STOP, compiled
 from harness.policy import Policy
 from harness.policy.base import can_be_copied, fresh
+from harness.progress import Bar, Progress
 
 HORIZON = 50
 """Steps after which an episode is truncated (paper, Table 2)."""
@@ -34,9 +36,6 @@ Z95 = 1.959963984540054
 _BATCHES = 16
 _LEAST, _BATCH = 2_500, 32_768  # episodes a batch: a step costs some time whatever its size, and memory an episode
 _JULIA_BATCH = 131_072  # one call into Julia a step, its threads inside
-
-Progress = Callable[[int], object]
-"""Called with a number of episodes as they are finished."""
 
 
 class Score(NamedTuple):
@@ -91,9 +90,31 @@ class Evaluation:
             float(self.terminated.mean()),
         )
 
+    def __repr__(self) -> str:
+        """The score and what it is of, on one line."""
+        return cards.line("Evaluation", f"{self.policy} on {self.domain.name}", _facts(self))
+
+    def _repr_html_(self) -> str:
+        return cards.card("Evaluation", f"{self.policy} on {self.domain.name}", _facts(self))
+
+
+def _facts(result: Evaluation) -> dict[str, object]:
+    score = result.score
+    return {
+        "return": cards.plus_minus(score.mean, score.sem),
+        "discounted": cards.plus_minus(score.discounted_mean, score.discounted_sem),
+        "success": f"{score.success_rate:.1%}",
+        "episodes": f"{score.episodes:,}",
+        "seed": result.seed,
+        "horizon": result.horizon,
+        "engine": result.engine,
+    }
+
 
 def mean_and_sem(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and its standard error; both exact, without rounding, where all values are equal."""
+    """Mean and its standard error; both exact where all values are equal. One value says nothing of its error: NaN."""
+    if len(values) == 1:
+        return float(values[0]), math.nan
     if values.min() == values.max():
         return float(values[0]), 0.0
     return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values)))
@@ -176,7 +197,7 @@ def evaluate(
     horizon: int = HORIZON,
     engine: str = "auto",
     workers: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = False,
 ) -> Evaluation:
     """Score a policy on a domain.
 
@@ -190,7 +211,8 @@ def evaluate(
         engine: ``tables``, ``julia`` or ``auto``.
         workers: threads of the tables engine (default: one a core). The numbers do not depend on it. A policy that
             cannot be copied plays in one, and a warning says so.
-        progress: called with the number of episodes finished since the last call.
+        progress: True for a bar on a terminal, or a function that is called with the number of episodes finished since
+            its last call.
 
     Raises:
         HarnessError: an argument is wrong (the message says which and how to mend it).
@@ -212,7 +234,8 @@ def evaluate(
         records = simulate(domain, made, engine, seed, *chunk, horizon)
         return _totals(itertools.takewhile(lambda _: not stop.is_set(), records), chunk[1], domain.discount)
 
-    parts = _map(run, chunks, threads, progress or (lambda finished: None), stop)
+    with Bar(progress, episodes, desc=spec, unit="episode", delay=2) as bar:
+        parts = _map(run, chunks, threads, bar.update, stop)
     totals = _Totals(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return Evaluation(domain, spec, engine, seed, horizon, *totals)
 
@@ -267,7 +290,7 @@ def _map(
     run: Callable[[tuple[int, int]], _Totals],
     chunks: list[tuple[int, int]],
     threads: int,
-    progress: Progress,
+    progress: Callable[[int], object],
     stop: threading.Event,
 ) -> list[_Totals]:
     """Results of the chunks in order. Ctrl-C sets ``stop``, which ends the chunks under way at their next step."""

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness import registry
-from harness.errors import PolicyError, nearest
+from harness.errors import PolicyError, nearest, quoted
 from harness.model.domain import Domain
+from harness.policy import own
 from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
@@ -20,7 +21,7 @@ from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
 from harness.solver.solution import read
 
-__all__ = ["Policy", "default_specs", "make", "named", "specs"]
+__all__ = ["Policy", "check_from_data", "default_specs", "make", "make_from_data", "named", "specs"]
 
 SOLVED = ("qmdp", "sarsop", "native-sarsop")
 EVOLVED = {"ge": "evolved by the paper's grammar", "ge-feedback": "evolved by a grammar with feedback"}
@@ -56,15 +57,15 @@ def _threshold(text: str, what: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise PolicyError(f"{what} takes a threshold between 0.5 and 1, not '{text}'") from None
+        raise PolicyError(f"{what} takes a threshold between 0.5 and 1, not {quoted(text)}") from None
     if not 0.5 <= value <= 1:
-        raise PolicyError(f"{what} takes a threshold between 0.5 and 1; {text} is out of range")
+        raise PolicyError(f"{what} takes a threshold between 0.5 and 1; {quoted(value)} is out of range")
     return value
 
 
 def _rollout(domain: Domain, text: str) -> Policy:
     if not text.isdecimal() or int(text) < 1:
-        raise PolicyError(f"rollout takes a number of simulations an action, 1 or more, not '{text}'")
+        raise PolicyError(f"rollout takes a number of simulations an action, 1 or more, not {quoted(text)}")
     return RolloutPolicy(domain, int(text))
 
 
@@ -155,7 +156,11 @@ def _usable(domain: Domain) -> list[_Kind]:
 
 def specs(domain: Domain) -> dict[str, str]:
     """Policy strings that mean something on a domain, each with what it does."""
-    return {kind.spec: kind.help for kind in _usable(domain)}
+    return {
+        **{kind.spec: kind.help for kind in _usable(domain)},
+        **{name: f"of an installed package, {point.value}" for name, point in own.installed().items()},
+        "FILE.py:NAME": "a class or function of yours; MODULE:NAME likewise",
+    }
 
 
 def default_specs(domain: Domain) -> list[str]:
@@ -172,16 +177,48 @@ def make(spec: str, domain: Domain) -> tuple[str, Policy]:
     """
     word, colon, text = spec.partition(":")
     kinds = {kind.word: kind for kind in _KINDS}
-    known = ", ".join(specs(domain))
     if word not in kinds:
-        raise PolicyError(f"no policy '{spec}'{nearest(word, kinds)} (on {domain.name}: {known})")
-    kind = kinds[word]
+        return spec, _own(spec, domain)
+    kind, known = kinds[word], ", ".join(specs(domain))
     if not kind.suits(domain):
-        raise PolicyError(f"policy '{word}' needs a {kind.layout} domain, {domain.name} is none (there: {known})")
+        raise PolicyError(f"policy {quoted(word)} needs a {kind.layout} domain, {domain.name} is none (there: {known})")
     if colon and not kind.argument and not kind.needs_file and not kind.optional:
-        raise PolicyError(f"policy '{word}' takes no parameter, but '{spec}' gives one")
+        raise PolicyError(f"policy {quoted(word)} takes no parameter, but {quoted(spec)} gives one")
     argument = text if colon else kind.argument
     return (f"{word}:{argument}" if argument else word), kind.make(domain, argument)
+
+
+def _own(spec: str, domain: Domain) -> Policy:
+    if "\n" in spec or spec.endswith(")"):
+        raise PolicyError(
+            f"{quoted(spec)} is no policy string; if it is a program, write it into a file and name that: program:FILE"
+        )
+    if own.is_path(spec) and own.is_there(spec):
+        return own.load(spec, domain)
+    if spec in (found := own.installed()):
+        return own.load_installed(found[spec], domain)
+    hint = nearest(spec.partition(":")[0], [*(kind.word for kind in _KINDS), *found])
+    raise PolicyError(f"no policy {quoted(spec)}{hint} (on {domain.name}: {', '.join(specs(domain))})")
+
+
+def check_from_data(spec: str, allow_code: bool = False) -> None:
+    """Make sure that a policy string which stands in data (a table, a list of scores, a run's record) names no file.
+
+    Data never decides which files are read or run: only what the user wrote does, or his word that he trusts the data.
+
+    Raises:
+        PolicyError: it names one, and ``allow_code`` is False; the message says what would be read or run.
+    """
+    word = spec.partition(":")[0]
+    code = own.is_path(spec) and all(kind.word != word for kind in _KINDS)
+    if (code or any(kind.word == word and kind.needs_file for kind in _KINDS)) and not allow_code:
+        raise PolicyError(registry.refusal(spec, "run" if code else "read"))
+
+
+def make_from_data(spec: str, domain: Domain, allow_code: bool = False) -> tuple[str, Policy]:
+    """:func:`make` for a string that stands in data, after :func:`check_from_data`."""
+    check_from_data(spec, allow_code)
+    return make(spec, domain)
 
 
 def named(policy: str | Policy, domain: Domain) -> tuple[str, Policy]:

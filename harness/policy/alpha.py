@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine.batch import Batch
+from harness.errors import PolicyError
 from harness.model.domain import Domain
 from harness.policy.base import Stateless
 from harness.solver.solution import Solution
@@ -53,9 +54,14 @@ class AlphaVectorPolicy(Stateless):
         order = alive[np.argsort(batch.visible[alive], kind="stable")]
         edges = np.flatnonzero(np.diff(batch.visible[order])) + 1
         for group in np.split(order, edges) if len(order) else []:
-            rows, vectors = self._vectors[int(batch.visible[group[0]])]
+            rows, vectors = self._of(int(batch.visible[group[0]]))
             chosen[group] = rows[_first_best(batch.joint(group) @ vectors)]
         return chosen
+
+    def _of(self, v: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        if v not in self._vectors:
+            raise PolicyError(f"the policy has no alpha vector for visible value {v}; solve it again (harness solve)")
+        return self._vectors[v]
 
 
 def _first_best(values: NDArray[np.float64]) -> NDArray[np.intp]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine.batch import Batch
-from harness.errors import PolicyError, nearest
+from harness.errors import PolicyError, nearest, quoted
 from harness.model.domain import Domain
 from harness.model.tables import compiled
 from harness.policy.base import Stateless
@@ -71,7 +71,7 @@ def parse(text: str) -> dict[str, float]:
     for part in text.split(",") if text else []:
         name, _, number = part.partition("=")
         if name not in BOUNDS:
-            raise PolicyError(f"thresholds has no '{name}'{nearest(name, BOUNDS)} (it has: {', '.join(BOUNDS)})")
+            raise PolicyError(f"thresholds has no {quoted(name)}{nearest(name, BOUNDS)} (it has: {', '.join(BOUNDS)})")
         if name in given:
             raise PolicyError(f"thresholds: {name} is given twice")
         low, high = BOUNDS[name]
@@ -79,10 +79,12 @@ def parse(text: str) -> dict[str, float]:
             given[name] = float(number)
         except ValueError:
             raise PolicyError(
-                f"thresholds: {name} takes a number between {low:g} and {high:g}, not '{number}'"
+                f"thresholds: {name} takes a number between {low:g} and {high:g}, not {quoted(number)}"
             ) from None
         if not low <= given[name] <= high:
-            raise PolicyError(f"thresholds: {name} lies between {low:g} and {high:g}; {number} is out of range")
+            raise PolicyError(
+                f"thresholds: {name} lies between {low:g} and {high:g}; {quoted(given[name])} is out of range"
+            )
     return given
 
 

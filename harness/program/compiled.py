@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import cards
 from harness.model.tables import Records
 from harness.program.printer import lines
 from harness.program.words import ACT, AGAIN, BELIEF, ELSE, IF, WHILE, Words
@@ -59,3 +60,10 @@ class Program:
         code["value"][code["op"] == BELIEF] = values
         code.flags.writeable = False
         return replace(self, code=code)
+
+    def __repr__(self) -> str:
+        """How long it is and how it begins, on one line."""
+        return f"<Program of {self.length} statements: {cards.brief(self.text)}>"
+
+    def _repr_html_(self) -> str:
+        return cards.card("Program", f"of {self.length} statements", {}, self.text)

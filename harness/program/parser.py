@@ -7,7 +7,7 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from harness.errors import PolicyError
+from harness.errors import PolicyError, quoted
 from harness.program.compiled import Program
 from harness.program.words import ACT, AGAIN, AND, BELIEF, ELSE, IF, INSTRUCTION, NOT, OR, WHILE, Words, instruction
 
@@ -122,7 +122,7 @@ class _Parser:
                 text = match.group()
                 tokens.append(_Token(kind if kind in ("simple", "atom") else text, text, match.start()))
         if end != len(self.text):
-            self.fail(end, f"'{self.text[end]}' cannot stand here")
+            self.fail(end, f"{quoted(self.text[end])} cannot stand here")
         tokens.append(_Token("end", "the end", end))
         return tokens
 
@@ -182,9 +182,9 @@ class _Parser:
             self.fail(at, str(error))
         is_action = packed[:2] == _ACT_BYTES
         if want_action and not is_action:
-            self.fail(at, f"'{text}' is a condition; write if({text}) and an operation")
+            self.fail(at, f"{quoted(text)} is a condition; write if(…) and an operation")
         if not want_action and is_action:
-            self.fail(at, f"'{text}' is an operation, where a condition is needed")
+            self.fail(at, f"{quoted(text)} is an operation, where a condition is needed")
         return packed
 
     def if_statement(self) -> None:
@@ -289,7 +289,7 @@ class _Parser:
         return token
 
     def expected(self, what: str, token: _Token) -> NoReturn:
-        found = token.text if token.kind == "end" else f"'{token.text}'"
+        found = token.text if token.kind == "end" else quoted(token.text)
         hint = ""
         if token.kind not in (*_KEYWORDS, *"(){}", "atom", "simple", "end"):
             hint = f"; operations are written with parentheses, as in {next(iter(self.words.actions))}"

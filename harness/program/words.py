@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import PolicyError, nearest
+from harness.errors import PolicyError, nearest, quoted
 from harness.model.domain import Domain
 
 ACT, IF, ELSE, WHILE, AGAIN, NOT, AND, OR, BELIEF, VISIBLE, READING, REGISTER = range(12)
@@ -84,7 +84,7 @@ class Words:
         if name in self.actions:
             return instruction(ACT, self.actions[name])
         if name in self.beliefs or name in self.visible or name == self.reading:
-            raise PolicyError(f"'{name}' is no operation: compare it, as in if({name} > …)")
+            raise PolicyError(f"{quoted(name)} is no operation: compare it, as in if({name} > …)")
         raise PolicyError(self._unknown("operation", name, self.actions))
 
     def _test(self, test: re.Match[str]) -> bytes:
@@ -101,7 +101,7 @@ class Words:
             known = [*sources, *(f'{i} == "…"' for i in self.checks)]
             raise PolicyError(self._unknown("quantity", left, known))
         if test["number"] is None:
-            raise PolicyError(f"{left} is compared with a number, not with '{label}'")
+            raise PolicyError(f"{left} is compared with a number, not with {quoted(label)}")
         column = {**self.beliefs, **self.visible}.get(left, 0)
         return instruction(sources[left], column, compare=compare, value=float(test["number"]))
 
@@ -116,7 +116,7 @@ class Words:
     def _unknown(self, what: str, word: str, known: Iterable[str]) -> str:
         words = list(known)
         shown = " ".join(words[:20]) + (" …" if len(words) > 20 else "")
-        return f"{self.domain.name} knows no {what} '{word}'{nearest(word, words)} (known: {shown})"
+        return f"{self.domain.name} knows no {what} {quoted(word)}{nearest(word, words)} (known: {shown})"
 
 
 def words_of(domain: Domain) -> Words:
@@ -126,11 +126,11 @@ def words_of(domain: Domain) -> Words:
         actions[_tight(name)] = i
         if name.isidentifier():
             actions[f"{name}()"] = i
-    checks = {m[1]: int(m[1]) for name in domain.actions if (m := _CHECK.fullmatch(_tight(name)))}
-    registers = {number: k for k, number in enumerate(checks)}
+    registers: dict[str, int] = {}
     register = np.full(domain.n_actions, -1, dtype=np.int16)
-    for number, k in registers.items():
-        register[actions[f"check({number})"]] = k
+    for i, name in enumerate(domain.actions):
+        if (check := _CHECK.fullmatch(_tight(name))) is not None:
+            register[i] = registers.setdefault(check[1], len(registers))
     return Words(
         domain,
         actions,

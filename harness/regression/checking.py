@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tqdm.auto import tqdm
-
+from harness import locking
 from harness.errors import HarnessError
+from harness.progress import Bar, Progress
 from harness.regression import scoring, stored
 from harness.regression.judging import Outcome, ScoreCheck, judge
 from harness.regression.rows import Row, StoredScore
@@ -41,7 +41,8 @@ def check_scores(
     exact: bool = False,
     seed: int | None = None,
     engine: str | None = None,
-    progress: bool = False,
+    allow_code: bool = False,
+    progress: Progress = False,
 ) -> ScoreCheck:
     """Score the rows of a file again and compare with the scores stored there.
 
@@ -50,7 +51,9 @@ def check_scores(
         exact: fail a row unless every episode comes out as stored.
         seed: other episodes than those stored, which makes the comparison statistical.
         engine: ``tables``, ``julia`` or ``auto``, instead of what the rows say.
-        progress: show a progress bar over the rows when the check takes longer than two seconds.
+        allow_code: read and run the files that the rows name as domains and policies.
+        progress: True for a bar on a terminal when the check takes longer than two seconds, or a function that is
+            called with the number of rows finished since its last call.
 
     Raises:
         HarnessError: the file or an argument is wrong; nothing is played before all rows have been checked.
@@ -59,7 +62,7 @@ def check_scores(
     if exact and seed is not None:
         raise HarnessError("an exact check plays the episodes that are stored; leave out either --exact or --seed")
     file = _read(Path(path))
-    tasks = _tasks(file, seed=seed, engine=engine)
+    tasks = _tasks(file, allow_code, seed=seed, engine=engine)
     measurements: list[Measurement] = []
 
     def outcomes() -> tuple[Outcome, ...]:
@@ -81,7 +84,9 @@ def _measure(task: Task, file: ScoreFile) -> Measurement:
     return scoring.measure(task, file.stored.get(key))
 
 
-def update_scores(path: str | Path = "scores.toml", *, progress: bool = False) -> list[Move]:
+def update_scores(
+    path: str | Path = "scores.toml", *, allow_code: bool = False, progress: Progress = False
+) -> list[Move]:
     """Score the rows of a file and store the scores in it; rows whose episodes all come out as stored stay untouched.
 
     The file is replaced in one go at the end; after an error or Ctrl-C it is as before.
@@ -90,11 +95,16 @@ def update_scores(path: str | Path = "scores.toml", *, progress: bool = False) -
         What became of each row, in order, then the stored scores that were dropped because their row has vanished.
 
     Raises:
-        HarnessError: the file is wrong, or a score is no finite number.
+        HarnessError: the file is wrong or another process updates it, or a score is no finite number.
     """
-    file = _read(Path(path))
+    with locking.alone_on(Path(path)):
+        return _update(Path(path), allow_code, progress)
+
+
+def _update(path: Path, allow_code: bool, progress: Progress) -> list[Move]:
+    file = _read(path)
     moves = []
-    for task in _shown(_tasks(file), "update", progress):
+    for task in _shown(_tasks(file, allow_code), "update", progress):
         before = file.stored.get(task.row.key) if task.row.key not in file.damaged else None
         after = scoring.renew(task, before, file.limits)
         moves.append(Move(before, after))
@@ -111,21 +121,26 @@ def _read(path: Path) -> ScoreFile:
     return file
 
 
-def _tasks(file: ScoreFile, seed: int | None = None, engine: str | None = None) -> list[Task]:
-    return [_task(file.path, line, row, seed, engine) for row, line in zip(file.rows, file.lines, strict=True)]
+def _tasks(file: ScoreFile, allow_code: bool, seed: int | None = None, engine: str | None = None) -> list[Task]:
+    tasks = []
+    for row, line in zip(file.rows, file.lines, strict=True):
+        chosen = dataclasses.replace(row, seed=row.seed if seed is None else seed, engine=engine or row.engine)
+        tasks.append(_task(file.path, line, chosen, allow_code))
+    return tasks
 
 
-def _task(path: Path, line: int, row: Row, seed: int | None, engine: str | None) -> Task:
-    seed = row.seed if seed is None else seed
+def _task(path: Path, line: int, row: Row, allow_code: bool) -> Task:
     try:
-        return scoring.task(dataclasses.replace(row, seed=seed, engine=engine or row.engine))
+        return scoring.task(row, allow_code)
     except HarnessError as error:
         raise HarnessError(f"{path}:{line}: {error}") from None
 
 
-def _shown(tasks: list[Task], what: str, progress: bool) -> Iterable[Task]:
-    """With a progress bar where one is wanted and there is a terminal."""
-    return tqdm(tasks, desc=what, unit="row", delay=2, leave=False, disable=None if progress else True)
+def _shown(tasks: list[Task], what: str, progress: Progress) -> Iterable[Task]:
+    with Bar(progress, len(tasks), desc=what, unit="row", delay=2) as bar:
+        for task in tasks:
+            yield task
+            bar.update()
 
 
 def _vanished(file: ScoreFile) -> tuple[Outcome, ...]:

@@ -9,7 +9,8 @@ from typing import Literal, cast
 
 from harness.regression.rows import Limits, Row, StoredScore
 from harness.regression.scoring import Measurement
-from harness.regression.statistics import holm, smallest_drop, welch
+from harness.regression.statistics import smallest_drop, welch
+from harness.score.paired import holm
 
 Verdict = Literal[
     "same", "changed", "not worse", "better", "worse", "differs", "unscored", "incomparable", "damaged", "vanished"

@@ -10,8 +10,10 @@ from tabulate import tabulate
 
 from harness.regression.checking import Move
 from harness.regression.judging import Outcome, ScoreCheck
-from harness.regression.rows import StoredScore
+from harness.regression.rows import Limits, StoredScore
+from harness.regression.statistics import DROP, FALSE_ALARM, MIN_EFFECT
 
+_DOUBTFUL = 0.05  # as large as error rates are anywhere
 HEADERS = ("domain", "policy", "stored", "now", "change", "p", "catches", "level", "verdict")
 
 
@@ -53,7 +55,18 @@ def footnote(check: ScoreCheck) -> str:
         f"p ≤ {limits.false_alarm:g}, so that\nunchanged code fails at most once in {1 / limits.false_alarm:,.0f} "
         f"checks. catches: the smallest true drop that a test finds with probability\n{limits.power:g} "
         f"(empty where all returns are equal: any drop of them all is found)."
+        + "".join(f"\n{word}" for word in _words(limits))
     )
+
+
+def _words(limits: Limits) -> list[str]:
+    """A word on limits with which a check says little."""
+    alarm, effect = limits.false_alarm, limits.min_effect
+    words = {
+        f"false_alarm = {alarm:.10g} is large: a failure says little; {FALSE_ALARM:g} is usual.": alarm > _DOUBTFUL,
+        f"min_effect = {effect:g} is large: a row may lose so much and pass; {MIN_EFFECT:g} is usual.": effect > DROP,
+    }
+    return [word for word, needed in words.items() if needed]
 
 
 def sentence(o: Outcome) -> str:

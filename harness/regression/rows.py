@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from harness.errors import HarnessError, nearest
+from harness.engine import ENGINES
+from harness.errors import HarnessError, nearest, quoted
 from harness.play.evaluation import EPISODES, HORIZON
 from harness.regression import statistics
 
@@ -50,7 +51,7 @@ class Row:
     domain: str
     policy: str
     episodes: int = EPISODES
-    """What a check plays first; where they all come out as stored, it plays no more."""
+    """Those that are compared one by one with the stored ones."""
     seed: int = 0
     horizon: int = HORIZON
     engine: str = "auto"
@@ -105,10 +106,16 @@ class StoredScore:
 
     def __post_init__(self) -> None:
         """Refuse what no score can be."""
-        if self.reference_episodes < FEWEST_EPISODES:
-            raise HarnessError(f"reference_episodes must be {FEWEST_EPISODES} or more, not {self.reference_episodes}")
-        if self.sem < 0:
-            raise HarnessError(f"sem must be 0 or more, not {self.sem}")
+        for name, least in (("horizon", 1), ("seed", 0), ("episodes", FEWEST_EPISODES)):
+            if getattr(self, name) < least:
+                raise HarnessError(f"{name} must be {least} or more, not {getattr(self, name)}")
+        if self.reference_episodes < self.episodes:
+            raise HarnessError(f"reference_episodes must be {self.episodes} or more, not {self.reference_episodes}")
+        if self.engine not in ENGINES:
+            raise HarnessError(f"engine must be {' or '.join(ENGINES)}, not '{self.engine}'")
+        for name in ("sem", "discounted_sem", "steps_mean", "success_rate"):
+            if getattr(self, name) < 0:
+                raise HarnessError(f"{name} must be 0 or more, not {getattr(self, name)}")
 
     @property
     def key(self) -> Key:
@@ -143,7 +150,8 @@ def from_table(kind: type[_T], table: Mapping[str, Any]) -> _T:
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     for key in table:
         if key not in fields:
-            raise FieldFault(key, f"no key '{key}' is known here{nearest(key, fields)} (known: {', '.join(fields)})")
+            hint = f"{nearest(key, fields)} (known: {', '.join(fields)})"
+            raise FieldFault(key, f"no key {quoted(key)} is known here{hint}")
     for name, field in fields.items():
         if name not in table and field.default is dataclasses.MISSING:
             raise FieldFault("", f"'{name}' is missing")
@@ -160,7 +168,7 @@ def _value(key: str, value: Any, wanted: Any) -> Any:
     wanted = int if wanted == int | None else wanted
     fits = isinstance(value, (int, float) if wanted is float else wanted) and not isinstance(value, bool)
     if not fits:
-        raise FieldFault(key, f"'{key}' must be {_WORDS[wanted]}, not {value!r}")
+        raise FieldFault(key, f"'{key}' must be {_WORDS[wanted]}, not {quoted(value)}")
     if wanted is float:
         if not math.isfinite(value):
             raise FieldFault(key, f"'{key}' is {value}, no finite number")

@@ -1,8 +1,9 @@
-"""Playing a row's episodes: as few as an unchanged policy needs, and as many as a doubt asks for."""
+"""Playing a row's episodes, and what its stored score can be."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,11 @@ from harness.regression.statistics import episodes_needed
 
 PLANNED_FAMILY = 100
 """Stored scores get episodes enough for a list of so many rows, so that a new row leaves those of the others alone."""
+
+FIGURES = ("reference_episodes", "mean", "sem", "discounted_mean", "discounted_sem", "steps_mean", "success_rate")
+"""What a stored score says of its episodes."""
+
+_LAST_BITS = 1e-9  # NumPy's sums differ between its releases
 
 
 @dataclass(frozen=True)
@@ -49,37 +55,41 @@ class Measurement:
     seconds: float = 0.0
 
 
-def task(row: Row) -> Task:
-    """Load what a row names.
+def task(row: Row, allow_code: bool = False) -> Task:
+    """Load what a row names; files only with ``allow_code``.
 
     Raises:
         HarnessError: the domain, the policy or the engine is unknown or cannot be used.
     """
-    domain = registry.load(row.domain).shaped("none")
+    domain = registry.load_from_data(row.domain, allow_code).shaped("none")
     engine = engines.choose(row.engine, domain)
-    return Task(dataclasses.replace(row, engine=engine), domain, policies.make(row.policy, domain)[1])
+    policy = policies.make_from_data(row.policy, domain, allow_code)[1]
+    return Task(dataclasses.replace(row, engine=engine), domain, policy)
 
 
 def measure(task: Task, stored: StoredScore | None) -> Measurement:
     """Play a row for a comparison with its stored score.
 
-    First the episodes of the row, where they are those stored: if all come out the same, that is all. Otherwise as many
-    as the stored score rests on: equal numbers on both sides are what the test's error rate relies on.
+    As many episodes as the stored score rests on: its figures must be theirs where they are the same episodes and come
+    out the same, and equal numbers on both sides are what the test's error rate relies on.
     """
     row, began = task.row, time.perf_counter()
     if stored is None:
         return Measurement(row, None, fault=("unscored", "no score is stored for it; run harness check --update"))
-    reason = _incomparable(task.domain, stored)
-    if reason:
+    if reason := _incomparable(task.domain, stored):
         return Measurement(row, stored, fault=("incomparable", reason))
-    same_episodes = _same_episodes(row, stored)
-    if same_episodes and _holds(task, stored, _play(task, row.episodes)):
-        return Measurement(row, stored, stored, True, seconds=time.perf_counter() - began)
+    if reason := _impossible(task.domain, stored):
+        return Measurement(row, stored, fault=("damaged", reason))
     fresh = _record(task, _play(task, stored.reference_episodes))
     seconds = time.perf_counter() - began
     if not np.isfinite([fresh.mean, fresh.sem]).all():
         return Measurement(row, stored, fault=("damaged", f"its mean return is now {fresh.mean}"), seconds=seconds)
-    return Measurement(row, stored, fresh, False if same_episodes else None, seconds=seconds)
+    same_episodes = _same_episodes(row, stored)
+    if not same_episodes or fresh.digest != stored.digest:
+        return Measurement(row, stored, fresh, False if same_episodes else None, seconds=seconds)
+    if reason := _other_figure(stored, fresh):
+        return Measurement(row, stored, fault=("damaged", reason), seconds=seconds)
+    return Measurement(row, stored, stored, True, seconds=seconds)
 
 
 def renew(task: Task, stored: StoredScore | None, limits: Limits) -> StoredScore:
@@ -93,12 +103,10 @@ def renew(task: Task, stored: StoredScore | None, limits: Limits) -> StoredScore
     row = task.row
     first = _play(task, row.episodes)
     count = _planned(row, first, limits)
-    if stored is not None and count == stored.reference_episodes and _holds(task, stored, first):
-        return stored
     score = _record(task, first if count == row.episodes else _play(task, count))
     if not np.isfinite(score.mean):
         raise HarnessError(f"{row.policy} on {row.domain} has the mean return {score.mean}, which cannot be stored")
-    return score
+    return stored if stored is not None and _holds(task, stored, score) else score
 
 
 def _planned(row: Row, first: Evaluation, limits: Limits) -> int:
@@ -109,9 +117,46 @@ def _planned(row: Row, first: Evaluation, limits: Limits) -> int:
     return min(max(needed, row.episodes), row.most)
 
 
-def _holds(task: Task, stored: StoredScore, first: Evaluation) -> bool:
+def _holds(task: Task, stored: StoredScore, score: StoredScore) -> bool:
+    """Whether a stored score is a new one but for the engine, and for what NumPy's releases add up differently."""
     comparable = not _incomparable(task.domain, stored) and _same_episodes(task.row, stored)
-    return comparable and _digest(first, task.row.episodes) == stored.digest
+    return comparable and score.digest == stored.digest and not _other_figure(stored, score)
+
+
+def _other_figure(stored: StoredScore, fresh: StoredScore) -> str:
+    """Which figure of a stored score is not that of its own episodes; empty where all are."""
+    for name in FIGURES:
+        old, new = getattr(stored, name), getattr(fresh, name)
+        if not math.isclose(old, new, rel_tol=_LAST_BITS, abs_tol=_LAST_BITS):
+            return f"its stored {name} is {old:g}, but the stored episodes give {new:g}; run harness check --update"
+    return ""
+
+
+def _impossible(domain: Domain, stored: StoredScore) -> str:
+    """What no score on the domain can be; empty where all can.
+
+    A return lies between ``horizon`` times the least and the greatest reward, 0 included (an ended episode pays
+    nothing), and numbers in an interval of width w have a standard deviation of at most w/2 (Popoviciu).
+    """
+    rewards = domain.arrays["outcome_reward"][0]  # the true one
+    least, most = (stored.horizon * x for x in (min(0.0, float(rewards.min())), max(0.0, float(rewards.max()))))
+    widest = (most - least) / 2 / math.sqrt(stored.reference_episodes - 1) * (1 + _LAST_BITS)
+    bounds = {
+        "mean": (least, most),
+        "discounted_mean": (least, most),
+        "sem": (0.0, widest),
+        "discounted_sem": (0.0, widest),
+        "steps_mean": (0.0, stored.horizon),
+        "success_rate": (0.0, 1.0),
+    }
+    for name, (low, high) in bounds.items():
+        value = getattr(stored, name)
+        if not low <= value <= high:
+            return (
+                f"its stored {name} is {value:g}, and none is below {low:g} or above {high:g} there; "
+                "run harness check --update"
+            )
+    return ""
 
 
 def _same_episodes(row: Row, stored: StoredScore) -> bool:

@@ -1,4 +1,4 @@
-"""When is a mean return worse than a stored one? Welch's test, Holm's correction, and what they can and cannot catch.
+"""When is a mean return worse than a stored one? Welch's test, and what it can catch after Holm's correction.
 
 Pure functions of means, standard errors and counts; nothing here knows a policy or a file.
 
@@ -9,7 +9,6 @@ changed, so that skewed returns (a rare success, a rare penalty) leave the error
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from scipy.special import ndtri, stdtr, stdtrit
 
@@ -48,25 +47,6 @@ def _freedom(sem_a: float, n_a: int, sem_b: float, n_b: int) -> float:
     """Degrees of freedom after Welch and Satterthwaite; ratios, so that tiny errors do not underflow."""
     share = sem_a**2 / (sem_a**2 + sem_b**2)
     return 1 / (share**2 / (n_a - 1) + (1 - share) ** 2 / (n_b - 1))
-
-
-def holm(p_values: Sequence[float], family: int | None = None) -> list[float]:
-    """P-values corrected for testing ``family`` hypotheses at once, in the order given.
-
-    Rejecting where the corrected value is at most α keeps the probability of any false rejection at most α, whatever
-    the dependence between the tests (Holm 1979, Scandinavian Journal of Statistics 6).
-
-    Args:
-        p_values: of the tests done so far.
-        family: number of tests in all, those not done included; by default as many as there are p-values.
-    """
-    total = len(p_values) if family is None else family
-    corrected = [1.0] * len(p_values)
-    largest = 0.0
-    for rank, index in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
-        largest = max(largest, min(1.0, (total - rank) * p_values[index]))
-        corrected[index] = largest
-    return corrected
 
 
 def smallest_drop(

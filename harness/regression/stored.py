@@ -21,7 +21,7 @@ else:
     import tomli as tomllib
 
 from harness import files
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.regression.rows import FieldFault, Key, Limits, Row, StoredScore, from_table
 
 SECTIONS = ("check", "score", "stored")
@@ -62,9 +62,11 @@ def read(path: Path) -> ScoreFile:
     except (OSError, UnicodeDecodeError) as error:
         raise HarnessError(f"cannot read {path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}") from None
     try:
-        return _Reader(path, text, tomllib.loads(text)).file()
-    except tomllib.TOMLDecodeError as error:
-        raise HarnessError(f"{path}: not TOML: {error}") from None
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and nesting without end
+        known = isinstance(error, tomllib.TOMLDecodeError)
+        raise HarnessError(f"{path}: not TOML: {error if known else 'a number or a nesting without end'}") from None
+    return _Reader(path, text, tables).file()
 
 
 class _Reader:
@@ -78,7 +80,7 @@ class _Reader:
         for name in self.tables:
             if name not in SECTIONS:
                 hint = nearest(name, SECTIONS)
-                raise HarnessError(f"{self.path}:{self._find(name, 1)}: no section '{name}' is known here{hint}")
+                raise HarnessError(f"{self.path}:{self._find(name, 1)}: no section {quoted(name)} is known here{hint}")
         limits = self._parse(Limits, "check", 0, self.tables.get("check", {}))
         rows = tuple(self._parse(Row, "score", i, table) for i, table in enumerate(self._list("score")))
         lines = tuple(self.line("score", i) for i in range(len(rows)))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pandas as pd
 
 from harness.report.inputs import Table
-from harness.report.markup import caption_of, escape, note, scrolled
+from harness.report.markup import caption_of, escape, note, plain_table, scrolled
 from harness.report.replays import Wanted
-from harness.score import comparison
+from harness.score import rendering
 
 _KEYS = {  # what a column is sorted by
     "policy": "policy",
@@ -27,12 +27,20 @@ def title(table: Table) -> str:
 
 def body(table: Table) -> str:
     """The table, which the page's script makes sortable."""
-    frame, cells = table.frame, comparison.shown(table.frame)
+    frame, cells = table.frame, rendering.shown(table.frame)
     head = "".join(f'<th scope="col"{_left(name)}>{escape(name)}</th>' for name in cells)
     rows = "".join(_row(frame.iloc[i], cells.iloc[i]) for i in range(len(frame)))
-    caption = comparison.heading(frame)
+    caption = rendering.heading(frame)
     inside = f"{caption_of(caption)}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
-    return scrolled(caption, f'<table class="sortable">{inside}</table>') + note(comparison.footnote(frame))
+    table_of_means = scrolled(caption, f'<table class="sortable">{inside}</table>')
+    return table_of_means + _differences(frame) + note(rendering.footnote(frame))
+
+
+def _differences(frame: pd.DataFrame) -> str:
+    cells = rendering.differences(frame)
+    if cells.empty:
+        return ""
+    return plain_table("Paired differences", [str(name) for name in cells], cells.values.tolist())
 
 
 def _left(name: object) -> str:

@@ -9,15 +9,16 @@ from typing import Any
 
 import pandas as pd
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 from harness.ge import results
 from harness.ge.folder import RunFolder
 from harness.ge.parameters import from_record
 from harness.ge.runs import folders_of
 from harness.play.evaluation import Score
 from harness.report import records
-from harness.score.comparison import COLUMNS
+from harness.score.table import COLUMNS, DIFFERENCES
 from harness.tuning import journal
+from harness.tuning.outcome import Gain
 
 
 @dataclass(frozen=True)
@@ -100,8 +101,9 @@ def read(path: Path) -> list[Input]:
 def _comparisons(frame: pd.DataFrame, path: Path) -> list[pd.DataFrame]:
     for name in ("domain", "policy", "kind"):
         records.check_texts(frame[name], path, name)
+    compared = [name for name in DIFFERENCES[1:] if name in frame]
     frame = records.numeric(
-        frame, path, ["episodes", "seed", *Score._fields[1:]], complete=["domain_version", "horizon"]
+        frame, path, ["episodes", "seed", *Score._fields[1:], *compared], complete=["domain_version", "horizon"]
     )
     records.numeric(
         frame[frame["kind"] == "policy"], path, [], complete=["episodes", "seed", "mean", "discounted_mean"]
@@ -157,7 +159,7 @@ def _config(path: Path) -> dict[str, Any]:
     file, config = path / journal.CONFIG, RunFolder(path).config()
     records.check_texts((config[name] for name in ("domain", "model_hash")), file, "domain, model_hash")
     if not isinstance(config["parameters"], dict):
-        raise HarnessError(f"{file}: parameters must be an object, not {config['parameters']!r}")
+        raise HarnessError(f"{file}: parameters must be an object, not {quoted(config['parameters'])}")
     try:
         return {**config, "parameters": from_record(config["parameters"]).__dict__}
     except HarnessError as error:
@@ -192,7 +194,21 @@ def _tuning(path: Path, name: str) -> Tuning:
         records.check_texts([result["stopped"], result["policy"]], path / journal.RESULT, "stopped, policy")
         for score in ("training", "fresh"):
             records.check_score(result[score], path / journal.RESULT)
+        _check_places(result, path / journal.RESULT)
     return Tuning(name, {**config, "run": run}, _history(path, ["iteration", "value", "sem"]), result or None)
+
+
+def _check_places(result: Mapping[str, Any], path: Path) -> None:
+    """Check start, end and gain; a result of an older version has none of them."""
+    if "gain" not in result:
+        return
+    for name in ("start", "ended", "gain"):
+        if not isinstance(result.get(name), dict):
+            raise HarnessError(f"{path}: {name} must be an object; write the file again")
+    records.check_numbers(result["gain"], path, Gain._fields)
+    for place in (result["start"], result["ended"]):
+        records.check_texts([place.get("policy")], path, "policy")
+        records.check_score(place.get("fresh"), path)
 
 
 def _history(path: Path, needed: Sequence[str], columns: Sequence[str] = ()) -> pd.DataFrame:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 from harness.play.evaluation import Score
 
 EXPECTED = (
@@ -109,13 +109,13 @@ def check_numbers(found: Mapping[str, Any], path: Path, names: Iterable[str]) ->
     for name in names:
         value = found.get(name)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise HarnessError(f"{path}: {name} must be a number, not {value!r}; write the file again")
+            raise HarnessError(f"{path}: {name} must be a number, not {quoted(value)}; write the file again")
 
 
 def check_score(found: Any, path: Path) -> None:
     """Check that an object has the fields of a Score."""
     if not isinstance(found, dict):
-        raise HarnessError(f"{path}: a score must be an object, not {found!r}; write the file again")
+        raise HarnessError(f"{path}: a score must be an object, not {quoted(found)}; write the file again")
     check_numbers(found, path, Score._fields)
 
 
@@ -123,4 +123,4 @@ def check_texts(values: Iterable[Any], path: Path, what: str) -> None:
     """Check that all values are texts."""
     for value in values:
         if not isinstance(value, str):
-            raise HarnessError(f"{path}: {what} must be text, not {value!r}; write the file again")
+            raise HarnessError(f"{path}: {what} must be text, not {quoted(value)}; write the file again")

@@ -47,10 +47,13 @@ class Wanted:
 class Domains:
     """Domains by name: those that were given, then those that ship with the package."""
 
-    def __init__(self, given: Sequence[Domain | str] = ()) -> None:
-        """``given``: domains, or how they are loaded."""
-        loaded = [registry.load(each) if isinstance(each, str) else each for each in given]
-        self._by_name = {each.name: each for each in loaded}
+    def __init__(self, given: Sequence[Domain | str] = (), allow_code: bool = False) -> None:
+        """``given``: domains, or how they are loaded; ``allow_code``: files that the results name may be used."""
+        self.allow_code = allow_code
+        self._by_name: dict[str, Domain] = {}
+        for each in given:  # results of a file's domain name the domain or the file
+            loaded = registry.load(each) if isinstance(each, str) else each
+            self._by_name |= {loaded.name: loaded, str(each) if isinstance(each, str) else loaded.name: loaded}
 
     def find(self, wanted: Wanted) -> Domain:
         """The domain that a policy's results are of, with the true reward.
@@ -58,8 +61,8 @@ class Domains:
         Raises:
             HarnessError: it is not to be had, or is no longer the same.
         """
-        known = self._by_name
-        domain = known[wanted.domain] if wanted.domain in known else registry.load(wanted.domain)
+        known, name = self._by_name, wanted.domain
+        domain = known[name] if name in known else registry.load_from_data(name, self.allow_code)
         if wanted.version not in (None, domain.version) or wanted.model_hash not in (None, domain.model_hash):
             raise HarnessError(f"the results are of another version of {domain.name} than today's")
         return domain.shaped("none")
@@ -74,7 +77,7 @@ def replays(wanted: Sequence[Wanted], domains: Domains, episodes: int) -> tuple[
     for each in wanted if episodes else ():
         try:
             domain = domains.find(each)
-            policy = _policy(each, domain)
+            policy = _policy(each, domain, domains.allow_code)
             shown = [episode(domain, policy, each.seed, k, each.horizon) for k in range(episodes)]
         except HarnessError as error:
             missing.append(f"No replay of {each.label}: {error}.")
@@ -85,10 +88,10 @@ def replays(wanted: Sequence[Wanted], domains: Domains, episodes: int) -> tuple[
     return ({"domain": _described(drawn), "policies": played} if drawn else None), missing
 
 
-def _policy(wanted: Wanted, domain: Domain) -> Policy:
+def _policy(wanted: Wanted, domain: Domain, allow_code: bool) -> Policy:
     if wanted.program:
         return ProgramPolicy(parse(wanted.program, words_of(domain), source=wanted.label))
-    return policies.make(wanted.spec, domain)[1]
+    return policies.make_from_data(wanted.spec, domain, allow_code)[1]
 
 
 def _described(domain: Domain) -> dict[str, Any]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import pandas as pd
 
 from harness.report import charts
@@ -93,11 +96,26 @@ def _result(tuning: Tuning) -> str:
         {
             "result": result["policy"],
             "return on fresh episodes": _score(result["fresh"], ""),
+            **(_beside(result) if "gain" in result else {}),  # a result of an older version has none
             "on the last training episodes": _score(result["training"], " (which the tuning has seen)"),
             "stopped": result["stopped"],
             **about,
         }
     )
+
+
+def _beside(result: Mapping[str, Any]) -> dict[str, str]:
+    """The start and the method's end beside the result, all on the same episodes."""
+    start, ended, gain = result["start"], result["ended"], result["gain"]
+    discounted = plus_minus(gain["discounted_mean"], gain["discounted_sem"])
+    more = f"{plus_minus(gain['mean'], gain['sem'])}, discounted {discounted} (paired)"
+    unmoved = result["policy"] == start["policy"]
+    return {
+        "more than the start": "nothing: the start was the best" if unmoved else more,
+        "the start on the same episodes": _score(start["fresh"], ""),
+        "where the method ended": ended["policy"],
+        "the end on the same episodes": _score(ended["fresh"], ""),
+    }
 
 
 def _score(score: dict[str, float], remark: str) -> str:

@@ -23,6 +23,7 @@ def write_report(
     episodes: int = EPISODES,
     seed: int | None = None,
     domains: Sequence[Domain | str] = (),
+    allow_code: bool = False,
 ) -> Path:
     """Write ``index.html``, one page that needs no other file and no network, from results on disk.
 
@@ -33,6 +34,7 @@ def write_report(
         episodes: of each policy to be replayed, the first so many of a seed; 0 for none.
         seed: of the episodes; by default those that a table is of, and seed 0 for the winners of runs.
         domains: domains that do not ship with the package (objects, snapshots, Julia files), for their replays.
+        allow_code: read and run the files that the results name as domains and policies, for their replays.
 
     Returns:
         The path of the page. The same inputs give the same bytes.
@@ -48,7 +50,7 @@ def write_report(
     if not paths:
         raise HarnessError(f"a report needs something to report on: {records.EXPECTED}")
     found = [each for path in paths for each in inputs.read(path)]
-    known = Domains(domains)
+    known = Domains(domains, allow_code)
     sections = [_section(each, known, episodes, seed) for each in found]
     path = Path(out) / "index.html"
     files.replace_text(path, page("POMDP benchmark report", sections))

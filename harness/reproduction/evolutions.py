@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 from typing import Any
 
 import joblib
 import pandas as pd
 
+from harness import host
 from harness.ge import runs
 from harness.reproduction import figures, paper, thresholds
 from harness.reproduction.folder import Folder
@@ -20,7 +21,8 @@ def figure_3(folder: Folder) -> None:
     """Learning curves of the full search and of both parametrized policies."""
     full_search(folder, FULL_SEARCH, paper.ROCKSAMPLE)
     jobs = [(word, seed) for word in paper.HEURISTICS for seed in range(folder.sizes.runs)]
-    histories = joblib.Parallel(n_jobs=folder.workers)(joblib.delayed(_thresholds)(folder, *job) for job in jobs)
+    parallel = joblib.Parallel(n_jobs=folder.workers, initializer=host.end_with, initargs=(os.getpid(),))
+    histories = parallel(joblib.delayed(_thresholds)(folder, *job) for job in jobs)
     curves = pd.concat(histories, ignore_index=True)
     folder.write(THRESHOLD_CURVES, curves)
     folder.write(THRESHOLD_RUNS, thresholds.winners(folder, curves))
@@ -52,12 +54,9 @@ def full_search(folder: Folder, name: str, domain: str, **options: Any) -> None:
     """Evolve programs in a folder of their own, or go on with it."""
     s, path = folder.sizes, folder.path / name
     common: dict[str, Any] = {"workers": folder.workers, "progress": folder.progress}
-    begun = len(list(path.glob("seed-*/config.json")))
-    if begun == s.runs:
+    if runs.begun(path):
         runs.resume(path, **common)
         return
-    if path.exists():  # stopped before the folders of all runs were made, so before any of them began
-        shutil.rmtree(path)
     seeds: dict[str, Any] = {"runs": s.runs, "out": path} if s.runs > 1 else {"runs": 1, "out": path / "seed-0"}
     runs.evolve(
         domain,

@@ -14,7 +14,7 @@ from harness.ge.results import QUARTILES
 from harness.model.domain import Domain
 from harness.play.evaluation import Z95
 from harness.reproduction import paper
-from harness.show.drawing import LINE, SECOND, THIRD, blank, plain
+from harness.show.drawing import LINE, SECOND, THIRD, blank, cells, legend, plain
 
 _RETURN = "undiscounted return (reward)"
 _STYLES = ((LINE, "-"), (SECOND, "--"), (THIRD, "-."))
@@ -32,11 +32,7 @@ def layout(domain: Domain) -> Figure:
             axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor=colour, edgecolor="0.5", linewidth=0.8))
     for (x, y), mark in _marks(domain).items():
         axes.text(x, y, mark, ha="center", va="center", fontsize=11, color="white" if mark == "X" else "black")
-    axes.set(xlim=(0.4, columns + 0.6), ylim=(0.4, rows + 0.6) if up else (rows + 0.6, 0.4), aspect="equal")
-    axes.set_xticks(range(1, columns + 1))
-    axes.set_yticks(range(1, rows + 1))
-    axes.set(xlabel="column (cells)", ylabel="row (cells)")
-    axes.tick_params(length=0)
+    cells(axes, columns, rows, upward=up)
     axes.spines[:].set_visible(False)
     return figure
 
@@ -72,7 +68,7 @@ def learning(full: pd.DataFrame, thresholds: pd.DataFrame) -> Figure:
     for word, style in zip(paper.HEURISTICS, _STYLES[1:], strict=True):
         _curve(axes, thresholds[thresholds["heuristic"] == word], "test", f"{word}-based policy", style)
     axes.set(xlabel="generation", ylabel=_RETURN)
-    axes.set_title(_runs(full) + " of the best on fresh episodes: median, quartiles shaded", fontsize=9)
+    figure.suptitle(_runs(full) + " of the best on fresh episodes: median, quartiles shaded", fontsize=9)
     _finish(axes)
     return figure
 
@@ -142,4 +138,4 @@ def _runs(histories: pd.DataFrame) -> str:
 def _finish(axes: Axes) -> None:
     plain(axes)
     axes.margins(x=0.01)
-    axes.legend(frameon=False, fontsize=8)
+    legend(axes, 3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness import files, registry
+from harness import files, locking, registry
 from harness.errors import HarnessError
 from harness.reproduction import paper
 from harness.reproduction.sizes import Sizes
@@ -37,15 +36,11 @@ class Folder:
         config = {"sizes": asdict(self.sizes), "models": {name: registry.load(name).model_hash for name in _DOMAINS}}
         path = self.path / "config.json"
         if not path.exists():
-            if self.path.is_dir() and any(self.path.iterdir()):
+            if self.path.is_dir() and any(other.name != locking.LOCK for other in self.path.iterdir()):
                 raise HarnessError(f"{self.path} holds other files and no reproduction; name a new folder")
             files.replace_json(path, config)
             return
-        try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            found = None
-        if found != config:
+        if files.read_json(path, "start again in a new folder") != config:
             raise HarnessError(
                 f"{self.path} holds a reproduction of other sizes or of other models of the domains, or a damaged one; "
                 "give or leave out --quick as you did then, or name a new folder"
@@ -76,10 +71,7 @@ class Folder:
         Raises:
             HarnessError: it is damaged.
         """
-        try:
-            return json.loads((self.path / name).read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise HarnessError(f"{self.path / name} cannot be read ({error}); delete it and start again") from None
+        return files.read_json(self.path / name, "delete it and start again")
 
     def draw(self, name: str, figure: Figure) -> None:
         """Write a figure."""

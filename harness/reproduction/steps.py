@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harness import engine as engines
-from harness import files, host, registry
+from harness import files, host, locking, registry
 from harness.errors import HarnessError
 from harness.reproduction import baselines, evolutions, figures, paper, report
 from harness.reproduction.folder import Folder
@@ -69,6 +69,7 @@ STEPS = (
 )
 
 
+@locking.alone
 def reproduce(
     out: str | Path,
     sizes: Sizes = FULL,

@@ -1,45 +1,33 @@
-"""The comparison table: many policies on one domain, each a row with its uncertainty and origin."""
+"""The comparison table: many policies on one domain or several, each a row with its uncertainty and origin."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import pandas as pd
-from tabulate import tabulate
 from tqdm.auto import tqdm
 
 from harness import engine as engines
 from harness import policy as specs
 from harness import registry
+from harness.errors import HarnessError, PolicyError
 from harness.model.domain import Domain
-from harness.play.evaluation import EPISODES, HORIZON, Evaluation, Score, evaluate
+from harness.play.evaluation import EPISODES, HORIZON, Evaluation, evaluate
 from harness.policy import Policy
 from harness.score import published
+from harness.score.paired import Paired, holm, paired
+from harness.score.table import COLUMNS, DIFFERENCES, Table
 from harness.solver import solution
-
-COLUMNS = (
-    "domain",
-    "domain_version",
-    "policy",
-    "kind",
-    "engine",
-    "episodes",
-    "seed",
-    "horizon",
-    *Score._fields[1:],
-    "reference",
-)
-"""Columns of the table; ``kind`` is ``policy`` or ``upper bound``, ``reference`` the published figure or None."""
 
 BOUND = "mdp"
 
 
 def compare(
-    domain: Domain | str,
-    policies: Sequence[str | Policy] | None = None,
+    domain: Domain | str | Sequence[Domain | str],
+    policies: str | Policy | Sequence[str | Policy] | Mapping[str, str | Policy] | None = None,
     *,
+    against: str | Policy | None = None,
     episodes: int | None = None,
     seed: int = 0,
     horizon: int = HORIZON,
@@ -47,11 +35,14 @@ def compare(
     workers: int | None = None,
     progress: bool = False,
 ) -> pd.DataFrame:
-    """Score policies on a domain side by side.
+    """Score policies side by side, on a domain or on several.
 
     Args:
-        domain: a domain or its name. Scores are of the true reward, whatever the domain's shaping.
-        policies: policy strings or policy objects; by default all that the domain knows, with the bound ``mdp``.
+        domain: a domain or its name, or several. Scores are of the true reward, whatever a domain's shaping.
+        policies: policy strings or policy objects, one or several, or both by the names that the table is to show; by
+            default all that a domain knows, with the bound ``mdp``.
+        against: a policy that every other one is compared with, episode by episode; it is played too where it is not
+            among the ``policies``.
         episodes: of every policy; by default 10,000, and 1,000 for policies that plan by simulation (``rollout``).
         seed: all policies meet the same initial states and the same random numbers.
         horizon: steps after which an episode is truncated.
@@ -60,39 +51,23 @@ def compare(
         progress: show a progress bar for each policy that takes longer than two seconds.
 
     Returns:
-        One row a policy, columns :data:`COLUMNS`.
+        One row a policy and domain, columns :data:`~harness.score.table.COLUMNS`; with ``against`` also
+        :data:`~harness.score.table.DIFFERENCES`.
 
     Raises:
         HarnessError: something in the arguments is wrong; nothing is run before all of them have been checked.
         Interrupted: Ctrl-C was pressed; its ``table`` holds the rows finished by then.
     """
-    domain = (registry.load(domain) if isinstance(domain, str) else domain).shaped("none")
-    engine = engines.choose(engine, domain)
-    chosen = list(policies) if policies is not None else [*specs.default_specs(domain), *_bounds(domain)]
-    made = [(p, None) if p == BOUND else specs.named(p, domain) for p in chosen]
-    rows: list[dict[str, Any]] = []
+    settings = _Settings(episodes, seed, horizon, workers, progress)
+    entries = [entry for each in _domains(domain) for entry in _entries(each, policies, against, engine)]
+    rows: list[_Row] = []
     try:
-        for name, policy in made:
-            if policy is None:
-                rows.append(_bound_row(domain, horizon))
-                continue
-            count = episodes or min(EPISODES, getattr(policy, "max_episodes", EPISODES))
-            hide = None if progress else True  # None: show it on a terminal only
-            with tqdm(total=count, desc=name, unit="episode", delay=2, leave=False, disable=hide) as bar:
-                result = evaluate(
-                    domain,
-                    policy,
-                    episodes=count,
-                    seed=seed,
-                    horizon=horizon,
-                    engine=engine,
-                    workers=workers,
-                    progress=bar.update,
-                )
-            rows.append(_row(result, name))
+        for entry in entries:
+            row = _row(entry, settings, keep=against is not None)
+            rows.append(row)
     except KeyboardInterrupt:
-        raise Interrupted(_table(rows)) from None
-    return _table(rows)
+        raise Interrupted(_table(rows, entries)) from None
+    return _table(rows, entries)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -104,27 +79,139 @@ class Interrupted(KeyboardInterrupt):
         self.table = table
 
 
-def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+class _Settings(NamedTuple):
+    episodes: int | None
+    seed: int
+    horizon: int
+    workers: int | None
+    progress: bool
+
+
+class _Entry(NamedTuple):
+    """A row to be."""
+
+    domain: Domain
+    engine: str
+    name: str
+    policy: Policy | None
+    """None for the bound."""
+    reference: bool
+    """Whether the others are compared with it."""
+
+
+class _Row(NamedTuple):
+    entry: _Entry
+    cells: dict[str, Any]
+    result: Evaluation | None
+    """None for the bound, and where nothing asks for single episodes."""
+
+
+def _domains(given: Domain | str | Sequence[Domain | str]) -> list[Domain]:
+    found = [each if isinstance(each, Domain) else registry.load(each) for each in _several(given)]
+    names = [each.name for each in found]
+    if not names:
+        raise HarnessError("there is no domain to compare policies on")
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise HarnessError(f"{twice[0]} is given twice; name every domain once")
+    return [each.shaped("none") for each in found]
+
+
+def _several(given: Any) -> list[Any]:
+    """One thing or many of it, as a list."""
+    return [given] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
+
+
+def _entries(domain: Domain, policies: Any, against: str | Policy | None, engine: str) -> list[_Entry]:
+    """The rows of one domain, all checked."""
+    engine = engines.choose(engine, domain)
+    made = _named(policies, domain)
+    if not made:
+        raise HarnessError("there are no policies to compare")
+    reference = None if against is None else _position(against, made, domain)
+    return [_Entry(domain, engine, name, policy, k == reference) for k, (name, policy) in enumerate(made)]
+
+
+def _named(policies: Any, domain: Domain) -> list[tuple[str, Policy | None]]:
+    if policies is None:
+        policies = [*specs.default_specs(domain), *_bounds(domain)]
+    if isinstance(policies, Mapping):
+        return [(str(name), _made(policy, domain)[1]) for name, policy in policies.items()]
+    return [_made(policy, domain) for policy in _several(policies)]
+
+
+def _made(policy: str | Policy, domain: Domain) -> tuple[str, Policy | None]:
+    return (BOUND, None) if policy == BOUND else specs.named(policy, domain)
 
 
 def _bounds(domain: Domain) -> list[str]:
     return [BOUND] if registry.policy_path(domain.name, BOUND).exists() else []
 
 
-def _row(result: Evaluation, name: str) -> dict[str, Any]:
-    domain = result.domain
+def _position(against: str | Policy, made: list[tuple[str, Policy | None]], domain: Domain) -> int:
+    """Which row the others are compared with; it is added to ``made`` where it is not there."""
+    known = [name if isinstance(against, str) else policy for name, policy in made]
+    if against not in known:
+        added = _made(against, domain)
+        against = added[0] if isinstance(against, str) else against
+        if against not in known:
+            made.append(added)
+            known.append(against)
+    position = known.index(against)
+    if made[position][1] is None:
+        raise PolicyError(f"'{BOUND}' is a bound, which plays no episodes; compare against a policy")
+    return position
+
+
+def _row(entry: _Entry, settings: _Settings, *, keep: bool) -> _Row:
+    """A row played; ``keep`` the single episodes."""
+    if entry.policy is None:
+        return _Row(entry, _bound_cells(entry, settings.horizon), None)
+    result = _played(entry, entry.policy, settings)
+    return _Row(entry, _cells(entry, result), result if keep else None)
+
+
+def _played(entry: _Entry, policy: Policy, settings: _Settings) -> Evaluation:
+    count = settings.episodes or min(EPISODES, getattr(policy, "max_episodes", EPISODES))
+    hide = None if settings.progress else True  # None: show it on a terminal only
+    with tqdm(total=count, desc=entry.name, unit="episode", delay=2, leave=False, disable=hide) as bar:
+        return evaluate(
+            entry.domain,
+            policy,
+            episodes=count,
+            seed=settings.seed,
+            horizon=settings.horizon,
+            engine=entry.engine,
+            workers=settings.workers,
+            progress=bar.update,
+        )
+
+
+def _cells(entry: _Entry, result: Evaluation) -> dict[str, Any]:
     return {
-        "domain": domain.name,
-        "domain_version": domain.version,
-        "policy": name,
+        **_origin(entry),
         "kind": "policy",
         "engine": result.engine,
         "seed": result.seed,
         "horizon": result.horizon,
         **result.score._asdict(),
-        "reference": _reference(domain.name, name),
+        "reference": _reference(entry.domain.name, entry.name),
     }
+
+
+def _bound_cells(entry: _Entry, horizon: int) -> dict[str, Any]:
+    domain = entry.domain
+    record = solution.read(registry.policy_path(domain.name, BOUND), domain, solution.BOUND_KIND).record
+    return {
+        **_origin(entry),
+        "kind": "upper bound",
+        "horizon": horizon,
+        "mean": record["undiscounted"] if record["horizon"] == horizon else None,
+        "discounted_mean": record["discounted"],
+    }
+
+
+def _origin(entry: _Entry) -> dict[str, Any]:
+    return {"domain": entry.domain.name, "domain_version": entry.domain.version, "policy": entry.name}
 
 
 def _reference(domain: str, policy: str) -> dict[str, Any] | None:
@@ -134,96 +221,42 @@ def _reference(domain: str, policy: str) -> dict[str, Any] | None:
     return {"discounted_mean": entry.value, "error": entry.error, "source": entry.source}
 
 
-def _bound_row(domain: Domain, horizon: int) -> dict[str, Any]:
-    record = solution.read(registry.policy_path(domain.name, BOUND), domain, solution.BOUND_KIND).record
-    within = record["undiscounted"] if record["horizon"] == horizon else None
+def _table(rows: list[_Row], entries: list[_Entry]) -> Table:
+    """The rows finished, of all that were to be."""
+    cells = [row.cells | more for row, more in zip(rows, _differences(rows, entries), strict=True)]
+    compared = any(entry.reference for entry in entries)
+    return Table(cells, columns=[*COLUMNS, *(DIFFERENCES if compared else ())])
+
+
+def _differences(rows: list[_Row], entries: list[_Entry]) -> list[dict[str, Any]]:
+    """The cells of :data:`DIFFERENCES` for every row; none for the reference itself and for bounds."""
+    references = {row.entry.domain.name: row for row in rows if row.entry.reference}
+    found = [_pair(row, references.get(row.entry.domain.name)) for row in rows]
+    tests = [each.p_value for pair in found for each in pair]
+    # Two tests for every row that is compared, those included that Ctrl-C left undone.
+    family = 2 * sum(entry.policy is not None and not entry.reference for entry in entries)
+    adjusted = iter(holm(tests, family))
+    cells = []
+    for row, pair in zip(rows, found, strict=True):
+        more: dict[str, Any] = {"against": references[row.entry.domain.name].entry.name} if pair else {}
+        for prefix, each in zip(("", "discounted_"), pair, strict=False):
+            more |= {"pairs": each.pairs, **_difference(prefix, each, next(adjusted))}
+        cells.append(more)
+    return cells
+
+
+def _pair(row: _Row, reference: _Row | None) -> list[Paired]:
+    """Undiscounted and discounted, where there is something to compare."""
+    if reference is None or reference is row or row.result is None or reference.result is None:
+        return []
+    a, b = row.result, reference.result
+    return [paired(a.returns, b.returns), paired(a.discounted, b.discounted)]
+
+
+def _difference(prefix: str, pair: Paired, p_value: float) -> dict[str, float]:
     return {
-        "domain": domain.name,
-        "domain_version": domain.version,
-        "policy": BOUND,
-        "kind": "upper bound",
-        "horizon": horizon,
-        "mean": within,
-        "discounted_mean": record["discounted"],
+        f"{prefix}difference": pair.difference,
+        f"{prefix}difference_sem": pair.sem,
+        f"{prefix}improvement": pair.improvement,
+        f"{prefix}p_value": p_value,
     }
-
-
-def render(table: pd.DataFrame, style: str) -> str:
-    """The table as ``table`` (for people), ``markdown``, ``csv`` or ``json`` (a list of rows)."""
-    if style == "csv":
-        flat = table.assign(reference=table["reference"].map(_brief))
-        return flat.to_csv(index=False)
-    if style == "json":
-        return json.dumps(rows(table), indent=2) + "\n"
-    cells = shown(table)
-    form = "github" if style == "markdown" else "simple"
-    text = tabulate(
-        cells.values.tolist(),
-        headers=[str(name) for name in cells],
-        tablefmt=form,
-        colalign=("left", *["right"] * 6),
-        disable_numparse=True,
-    )
-    return f"{heading(table)}\n\n{text}\n\n{footnote(table)}\n"
-
-
-def shown(table: pd.DataFrame) -> pd.DataFrame:
-    """The table's cells as text for people; ± is one standard error."""
-    return pd.DataFrame(
-        {
-            "policy": table["policy"].where(table["kind"] == "policy", table["policy"] + " (upper bound)"),
-            "return": [_plus_minus(*pair) for pair in zip(table["mean"], table["sem"], strict=True)],
-            "discounted": [
-                _plus_minus(*pair) for pair in zip(table["discounted_mean"], table["discounted_sem"], strict=True)
-            ],
-            "published": table["reference"].map(_brief),
-            "steps": table["steps_mean"].map(lambda x: _number(x, ".1f")),
-            "success": table["success_rate"].map(lambda x: _number(x, ".1%")),
-            "episodes": table["episodes"].map(lambda x: _number(x, ",.0f")),
-        }
-    )
-
-
-def rows(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """The table's rows as plain Python values, None where there is no value."""
-    plain = table.astype(object).where(table.notna(), None)
-    return [{str(key): value for key, value in row.items()} for row in plain.to_dict("records")]
-
-
-def heading(table: pd.DataFrame) -> str:
-    """What all rows have in common: domain, horizon, engine, seed."""
-    first = table.iloc[0]
-    run = table[table["kind"] == "policy"]
-    engine = f", engine {run['engine'].iloc[0]}, seed {run['seed'].iloc[0]:.0f}" if len(run) else ""
-    return f"{first['domain']} (version {first['domain_version']}), horizon {first['horizon']}{engine}"
-
-
-def footnote(table: pd.DataFrame) -> str:
-    """What the columns of :func:`shown` mean, and published figures of methods that are not among the rows."""
-    lines = [
-        "return: undiscounted, mean ± standard error; discounted: the same at the domain's discount; success: share of "
-        "episodes that\nreached a terminal state.",
-    ]
-    if table["reference"].map(_brief).any():
-        lines[0] += " published: discounted (Silver and Veness 2010)."
-    others = published.not_run_here(table["domain"].iloc[0], table["policy"].tolist())
-    if others:
-        figures = ", ".join(f"{p.method} {_plus_minus(p.value, p.error)}" for p in others)
-        lines.append(f"Published, not run here (discounted): {figures}.")
-    return "\n".join(lines)
-
-
-def _plus_minus(mean: float | None, error: float | None) -> str:
-    if error is None or pd.isna(error):
-        return _number(mean, ".2f")
-    return f"{_number(mean, '.2f')} ± {error:.2f}"
-
-
-def _number(value: float | None, form: str) -> str:
-    return "" if value is None or pd.isna(value) else format(value, form)
-
-
-def _brief(reference: Any) -> str:
-    if isinstance(reference, str):  # read back from CSV
-        return reference
-    return _plus_minus(reference["discounted_mean"], reference["error"]) if isinstance(reference, dict) else ""

@@ -7,9 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
@@ -22,8 +20,10 @@ from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.play.evaluation import HORIZON, Z95, simulate
 from harness.policy import Policy
+from harness.score.table import by_domain
+from harness.show.drawing import LINE, SECOND, axes_or_new, blank, cells, plain
 
-_ROBOTS = ("#1f4e79", "#a65000")
+_ROBOTS = (LINE, SECOND)
 _READINGS = {"good": "#2e7d32", "bad": "#c62828"}
 _COORDINATES = (("x", "y"), ("column1", "row1"), ("column2", "row2"))  # names of the visible part that place a robot
 
@@ -114,15 +114,14 @@ def draw_beliefs(
     if not domain.features:
         raise HarnessError(f"{domain.name} has no belief features: nothing in it is hidden")
     name, frames = _play(domain, policy, seed, episode, horizon, engine)
-    if axes is None:
-        axes = plt.subplots(figsize=(max(5.0, 1.5 + 0.22 * len(frames)), 3.5), layout="constrained")[1]
+    axes = axes_or_new(axes, max(5.0, 1.5 + 0.22 * len(frames)), 3.5)
     for i, (label, _, _) in enumerate(domain.features):
         line = [frame.features[i] for frame in frames]
         axes.plot(line, drawstyle="steps-post", marker=".", label=label)
     words = ["start", *(f"{frame.action} {frame.reading}".rstrip() for frame in frames[1:])]
     axes.set_xticks(range(len(words)), words, rotation=90, fontsize=7)
     axes.set(ylim=(-0.03, 1.03), ylabel="belief (probability)", title=name)
-    axes.spines[["top", "right"]].set_visible(False)
+    plain(axes)
     axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5))
     return axes
 
@@ -130,29 +129,35 @@ def draw_beliefs(
 def compare_figure(table: pd.DataFrame) -> Figure:
     """Mean returns with their 95 % intervals, undiscounted and discounted, a bar for every policy of a comparison.
 
-    ``table`` is what :func:`harness.compare` returns. The upper bound is a dashed line where the table has one.
+    ``table`` is what :func:`harness.compare` returns; each of its domains has a row of panels. An upper bound is a
+    dashed line.
     """
-    played = table[table["kind"] == "policy"]
-    bounds = table[table["kind"] != "policy"]
-    figure = Figure(figsize=(7.5, 1.0 + 0.34 * len(played)), layout="constrained")  # inches
-    FigureCanvasAgg(figure)
-    both = figure.subplots(1, 2, sharey=True)
-    titles = {"mean": "undiscounted return", "discounted_mean": "discounted return"}
-    errors = {"mean": "sem", "discounted_mean": "discounted_sem"}
-    for axes, (column, title) in zip(both, titles.items(), strict=True):
-        half = Z95 * played[errors[column]].to_numpy(dtype=float)
-        values = played[column].to_numpy(dtype=float)
-        axes.barh(played["policy"], values, xerr=half, color="#9db7d1", ecolor="#1f4e79", capsize=3)
-        for bound in bounds[column].dropna():
-            axes.axvline(float(bound), color="#a65000", linestyle="--", linewidth=1, label="upper bound")
-        axes.axvline(0, color="0.4", linewidth=0.8)
-        axes.set_xlabel(f"{title} (reward)")
-        axes.spines[["top", "right"]].set_visible(False)
-    both[0].invert_yaxis()  # the first row of the table on top
-    if len(bounds):
-        both[1].legend(frameon=False, fontsize=8, loc="best")
-    figure.suptitle(str(table["domain"].iloc[0]), fontsize=10)
+    parts = by_domain(table)
+    bars = [max(1, int((part["kind"] == "policy").sum())) for part in parts]
+    figure = blank(7.5, 0.4 + sum(0.6 + 0.34 * count for count in bars))
+    panels = figure.subplots(len(parts), 2, sharey="row", squeeze=False, height_ratios=[2 + count for count in bars])
+    for part, (left, right) in zip(parts, panels, strict=True):
+        _bars(left, part, "mean", "sem", "undiscounted return (reward)")
+        _bars(right, part, "discounted_mean", "discounted_sem", "discounted return (reward)")
+        left.invert_yaxis()  # the first row of the table on top
+        left.set_title(str(part["domain"].iloc[0]), fontsize=10, loc="left")
+    handles, labels = panels[0, 1].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles[:1], labels[:1], loc="outside lower right", frameon=False, fontsize=8)
     return figure
+
+
+def _bars(axes: Axes, part: pd.DataFrame, mean: str, sem: str, label: str) -> None:
+    """One panel: the policies of one domain."""
+    played, bounds = part[part["kind"] == "policy"], part[part["kind"] == "upper bound"]
+    half = Z95 * played[sem].to_numpy(dtype=float)
+    values = played[mean].to_numpy(dtype=float)
+    axes.barh(played["policy"], values, xerr=half, color="#9db7d1", ecolor=LINE, capsize=3)
+    for bound in bounds[mean].dropna():
+        axes.axvline(float(bound), color=SECOND, linestyle="--", linewidth=1, label="upper bound")
+    axes.axvline(0, color="0.4", linewidth=0.8)
+    axes.set_xlabel(label)
+    plain(axes, "x")
 
 
 class _Frame(NamedTuple):
@@ -213,9 +218,7 @@ def _domain_and_axes(domain: Domain | str, axes: Axes | None) -> tuple[Domain, A
     domain = registry.load(domain) if isinstance(domain, str) else domain
     if domain.layout["kind"] == "none":
         raise HarnessError(f"{domain.name} has no layout to draw; draw_beliefs shows its episodes")
-    if axes is None:
-        axes = plt.subplots(figsize=(4.5, 4.2), layout="constrained")[1]
-    return domain, axes
+    return domain, axes_or_new(axes, 4.5, 4.2)
 
 
 def _draw_grid(domain: Domain, axes: Axes) -> None:
@@ -231,13 +234,8 @@ def _draw_grid(domain: Domain, axes: Axes) -> None:
         axes.text(cell[0], cell[1], str(i), ha="center", va="center", fontsize=9, zorder=4)
     axes.set_xticks(np.arange(0.5, exit_column + 1), minor=True)
     axes.set_yticks(np.arange(0.5, rows + 1), minor=True)
-    axes.set_xticks(range(1, exit_column + 1))
-    axes.set_yticks(range(1, rows + 1))
     axes.grid(which="minor", color="0.85", linewidth=0.6)
-    axes.tick_params(which="both", length=0, labelsize=8)
-    axes.set(xlim=(0.5, exit_column + 0.5), ylim=(0.5, rows + 0.5), aspect="equal", xlabel="column", ylabel="row")
-    if layout["rows_grow"] == "down":
-        axes.invert_yaxis()
+    cells(axes, exit_column, rows, upward=layout["rows_grow"] == "up")
 
 
 def _draw_robot(axes: Axes, robot: int, cell: Cell) -> None:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import SnapshotError
+from harness.errors import SnapshotError, quoted
 from harness.model import archive
 from harness.model.domain import Domain
+from harness.model.validation import LARGEST_REWARD, LARGEST_WHOLE, faulty, is_name, outside, whole
 
 KIND = "alpha-vectors"
 BOUND_KIND = "bound"
+_BOUND_NUMBERS = ("discounted", "undiscounted", "horizon")
+_MEND = "solve it again (harness solve)"
 
 
 @dataclass(frozen=True)
@@ -41,13 +45,49 @@ def read(path: Path, domain: Domain, kind: str = KIND) -> Solution:
     """Read a stored solution.
 
     Raises:
-        SnapshotError: the file is damaged, or was solved for another model.
+        SnapshotError: the file is damaged, was solved for another model, or its vectors do not fit the model.
     """
-    record, arrays = archive.read(path, kind)
+    record, arrays = archive.read(path, kind, _MEND)
+    _refuse(path, _record_breaches(record, kind))
     if record["model_hash"] != domain.model_hash:
         raise SnapshotError(
             f"{path}: solved for another model ({record['domain']} version {record['domain_version']}, hash "
             f"{record['model_hash'][:12]}…), not for {domain.name} version {domain.version} as it is now "
-            f"({domain.model_hash[:12]}…); solve it again (harness solve)"
+            f"({domain.model_hash[:12]}…); {_MEND}"
         )
+    if kind == KIND:
+        _refuse(path, _vector_breaches(arrays, domain))
     return Solution(record, arrays)
+
+
+def _refuse(path: Path, breaches: Iterator[str]) -> None:
+    for first in breaches:
+        raise SnapshotError(f"{path}: {first}; {_MEND}")
+
+
+def _record_breaches(record: Mapping[str, Any], kind: str) -> Iterator[str]:
+    for name in ("model_hash", "domain"):
+        if not is_name(record.get(name)):
+            yield f"{name} is {quoted(record.get(name))}, not a printable text"
+    if not whole(record.get("domain_version"), 0, LARGEST_WHOLE):
+        yield f"domain_version is {quoted(record.get('domain_version'))}, not a whole number"
+    for name in _BOUND_NUMBERS if kind == BOUND_KIND else ():
+        if not isinstance(record.get(name), (int, float)):
+            yield f"{name} is {quoted(record.get(name))}, not a number"
+
+
+def _vector_breaches(arrays: Mapping[str, NDArray[Any]], domain: Domain) -> Iterator[str]:
+    """Alpha vectors whose indices and sizes are the domain's."""
+    kinds = {"visible": ("i4", "i8"), "actions": ("i4", "i8"), "values": ("f4", "f8")}
+    for name, kind in kinds.items():
+        if name not in arrays or arrays[name].dtype not in kind:
+            yield f"the array {name} is missing or of another type"
+            return
+    n = len(arrays["actions"]) if arrays["actions"].ndim else 0
+    for name, shape in (("visible", (n,)), ("actions", (n,)), ("values", (n, domain.n_joint))):
+        if n < 1 or arrays[name].shape != shape:
+            yield f"{name} has the shape {arrays[name].shape}, needed is {shape} with one vector at least"
+            return
+    yield from outside("visible", arrays["visible"], 0, domain.n_visible)
+    yield from outside("actions", arrays["actions"], 0, domain.n_actions)
+    yield from faulty("values", ~(np.abs(arrays["values"]) <= LARGEST_REWARD), "is not a finite number")

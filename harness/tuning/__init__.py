@@ -7,7 +7,8 @@ method again and answering from the journal.
 """
 
 from harness.tuning.constants import Constants
-from harness.tuning.run import Tuned, resume, tune
+from harness.tuning.outcome import Tuned
+from harness.tuning.run import resume, tune
 from harness.tuning.sweeping import sweep
 from harness.tuning.tunable import Tunable, tunable
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from harness.tuning.method import Ask, Move, setting
+from harness.tuning.method import MOST_EPISODES, Ask, Move, setting
 from harness.tuning.tunable import Tunable, Vector
 
 
@@ -79,7 +79,7 @@ class ForwardDifference(Ascent):
 
     epsilon: float = setting(0.01, 1e-9, 0.25)
     """ε of eq. 7 (Table 3)."""
-    episodes: int = setting(10_000, 2)
+    episodes: int = setting(10_000, 2, MOST_EPISODES)
     """At each point (Table 3)."""
 
     def ask(self, iteration: int) -> Ask:

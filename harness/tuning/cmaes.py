@@ -9,7 +9,7 @@ import cma
 import numpy as np
 
 from harness.engine import rng
-from harness.tuning.method import Ask, Move, setting
+from harness.tuning.method import MOST_EPISODES, Ask, Move, setting
 from harness.tuning.tunable import Tunable, Vector
 
 
@@ -24,14 +24,14 @@ class CmaEs:
     seed: int
     sigma: float = setting(0.3, 1e-9, 1.0)
     """First standard deviation, as a share of each number's range."""
-    candidates: int = setting(0, 0)
+    candidates: int = setting(0, 0, 10_000)
     """A generation's; 0 for the package's rule, 4 + 3·ln(d), rounded down."""
     tolerance: float = setting(0.001, 0)
     """Stop when the distribution is narrower than this share of each number's range."""
     patience: int = setting(10, 1)
     """Stop when as many generations find the same return at every candidate: a plateau."""
     iterations: int = setting(60, 1)
-    episodes: int = setting(10_000, 2)
+    episodes: int = setting(10_000, 2, MOST_EPISODES)
     """At each point."""
     theta: Vector = field(init=False)
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from harness.play.evaluation import Z95
-from harness.show.drawing import LINE, SECOND, blank, plain
+from harness.show.drawing import LINE, SECOND, blank, legend, plain
 
 _NEAR = 0.15  # of the best return: what counts as near the top
 
@@ -42,8 +42,8 @@ def sweep_figure(table: pd.DataFrame, title: str = "") -> Figure:
         fontsize=9,
     )
     top.set_xlabel(f"{name} (no unit)")
-    whole.set_title(title, fontsize=10)
-    whole.legend(frameon=False, loc="best", fontsize=8)
+    figure.suptitle(title, fontsize=10)
+    legend(whole, 2)
     return figure
 
 
@@ -59,7 +59,7 @@ def _sweep_line(axes: Axes, table: pd.DataFrame) -> None:
 def history_figure(history: pd.DataFrame, names: Sequence[str], measure: str) -> Figure:
     """Values and iterates of a tuning run over its iterations, as a matplotlib figure.
 
-    ``history`` is that of :class:`~harness.tuning.run.Tuned`; ``names`` are the numbers tuned.
+    ``history`` is that of :class:`~harness.tuning.outcome.Tuned`; ``names`` are the numbers tuned.
     """
     figure = blank(6.3, 5.2)
     above, below = figure.subplots(2, 1, sharex=True)
@@ -74,14 +74,14 @@ def history_figure(history: pd.DataFrame, names: Sequence[str], measure: str) ->
         above.set_title(f"{hidden} of {len(history)} points lie below", fontsize=8, loc="right")
     unit = "discounted" if measure == "discounted" else "undiscounted"
     above.set_ylabel(f"{unit} return (reward)")
-    above.legend(frameon=False, loc="best", fontsize=8)
+    legend(above)
     each = history.drop_duplicates("iteration")
     for name in names:
         below.plot(each["iteration"], each[f"theta_{name}"], marker=".", linewidth=1.2, label=name)
     below.set_ylabel("value of the parameter")
     below.set_xlabel("iteration")
     below.xaxis.set_major_locator(MaxNLocator(integer=True))
-    below.legend(frameon=False, loc="best", fontsize=8)
+    legend(below, 5)
     for axes in (above, below):
         plain(axes)
     return figure

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from harness import files
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 from harness.model import archive
 from harness.tuning.method import Ask, Move
 from harness.tuning.tunable import Vector
@@ -59,14 +58,9 @@ class Journal:
         """
         if self.folder is None:
             return
-        path = self.folder / CONFIG
+        open_folder(self.folder, CONFIG, HISTORY, config, resume)
         if resume:
-            check_same(read_parameters(self.folder), config["run"], self.folder)
             self._iterations = self._read()
-        elif path.exists() or (self.folder / HISTORY).exists():
-            raise HarnessError(f"{self.folder} already holds a run; go on with --resume {self.folder}, or name another")
-        else:
-            files.replace_json(path, {**config, "hash": archive.digest({}, config["run"])})
 
     def answers(self, ask: Ask) -> tuple[Vector, Vector] | None:
         """Values and standard errors, (n,) each, where the next iteration is in the journal already; else None."""
@@ -153,19 +147,31 @@ class Journal:
         )
 
 
-def read_parameters(folder: Path) -> dict[str, Any]:
-    """The parameters of the run in a folder, its ``run`` in ``config.json``.
+def open_folder(folder: Path, name: str, rows: str, config: Mapping[str, Any], resume: bool) -> None:
+    """Begin a run in a folder, whose file ``name`` keeps its parameters, or check that it holds this one.
+
+    Raises:
+        HarnessError: a new run finds another one there, or its file ``rows``; a resumed one finds none, or one with
+            other parameters, or a damaged one. Nothing has been changed then.
+    """
+    if resume:
+        check_same(read_parameters(folder, name), config["run"], folder)
+    elif (folder / name).exists() or (folder / rows).exists():
+        raise HarnessError(f"{folder} already holds a run; go on with --resume {folder}, or name another")
+    else:
+        files.replace_json(folder / name, {**config, "hash": archive.digest({}, config["run"])})
+
+
+def read_parameters(folder: Path, name: str = CONFIG) -> dict[str, Any]:
+    """The parameters of the run in a folder, the ``run`` in its file ``name``.
 
     Raises:
         HarnessError: there is no run, or its file is damaged.
     """
-    path = folder / CONFIG
-    try:
-        config = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise HarnessError(f"{folder} holds no run to resume (there is no {CONFIG}); start one with --out") from None
-    except (OSError, ValueError):
-        config = None
+    path = folder / name
+    if not path.exists():
+        raise HarnessError(f"{folder} holds no run to resume (there is no {name}); start one with --out")
+    config = files.read_json(path, "start anew in another folder")
     run = config.get("run") if isinstance(config, dict) else None
     if not isinstance(run, dict) or config.get("hash") != archive.digest({}, run):
         raise HarnessError(f"{path} is damaged, or was changed by hand; start anew in another folder")
@@ -178,11 +184,15 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> 
     Raises:
         HarnessError: one differs.
     """
+    if missing := [name for name in new if name not in old]:
+        raise HarnessError(
+            f"the run in {folder} is of an older version of the harness, without {missing[0]}; start anew elsewhere"
+        )
     for name in {**old, **new}:
         if old.get(name) != new.get(name) and name == "model_hash":
             raise HarnessError(f"the run in {folder} was made on another version of the domain; start anew elsewhere")
         if old.get(name) != new.get(name):
             raise HarnessError(
-                f"the run in {folder} has {name} {old.get(name)}, not {new.get(name)}; "
+                f"the run in {folder} has {name} {quoted(old.get(name))}, not {quoted(new.get(name))}; "
                 f"leave {name} out to resume it, or name another folder"
             )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from harness.tuning.method import Ask, Move, setting
+from harness.tuning.method import MOST_EPISODES, Ask, Move, setting
 from harness.tuning.tunable import Tunable, Vector
 
 _DIGITS = 10  # so that the grid has the numbers that people write
@@ -32,7 +32,7 @@ class Lines:
     rounds: int = setting(3, 1)
     """Times that every number is gone through, at most."""
     iterations: int = setting(2000, 1)
-    episodes: int = setting(10_000, 2)
+    episodes: int = setting(10_000, 2, MOST_EPISODES)
     """The same at every point of the run."""
     theta: Vector = field(init=False)
 

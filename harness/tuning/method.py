@@ -10,8 +10,17 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.tuning.tunable import Tunable, Vector
+
+MOST_STEPS = 1_000_000
+"""The longest horizon."""
+
+MOST_EPISODES = 10_000_000
+"""The most at a point, and at all points of an iteration together: what is kept of them takes some 0.2 GB."""
+
+_MOST = 1_000_000
+"""The highest value of a setting that names no other."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +70,7 @@ class Method(Protocol):
         """Move on. ``values``: (n,) mean return at each point asked for."""
 
 
-def setting(default: float, low: float, high: float = math.inf) -> Any:
+def setting(default: float, low: float, high: float = _MOST) -> Any:
     """A field of a method: a number in [low, high] that a user may set; a whole number where the default is one."""
     return field(default=default, metadata={"low": low, "high": high})
 
@@ -69,6 +78,17 @@ def setting(default: float, low: float, high: float = math.inf) -> Any:
 def settings_of(method: Any) -> dict[str, float]:
     """Names and values of a method's settings (for the class: the defaults)."""
     return {f.name: getattr(method, f.name) for f in fields(method) if "low" in f.metadata}
+
+
+def check_number(name: str, value: Any, whole: bool, low: float, high: float) -> None:
+    """Check something that a user may set.
+
+    Raises:
+        HarnessError: it is no number, not a whole one where it must be, or not in [low, high].
+    """
+    if not isinstance(value, int if whole else (int, float)) or isinstance(value, bool) or not low <= value <= high:
+        kind = "whole number" if whole else "number"
+        raise HarnessError(f"{name} must be a {kind} from {low:,} to {high:,}, not {quoted(value)}")
 
 
 def configure(kind: type[Any], subject: Tunable, seed: int, settings: Mapping[str, Any]) -> Method:
@@ -80,11 +100,8 @@ def configure(kind: type[Any], subject: Tunable, seed: int, settings: Mapping[st
     known = {f.name: f for f in fields(kind) if "low" in f.metadata}
     for name, value in settings.items():
         if name not in known:
-            raise HarnessError(f"no setting '{name}'{nearest(name, known)} (of this method: {', '.join(known)})")
-        low, high = known[name].metadata["low"], known[name].metadata["high"]
-        whole = isinstance(known[name].default, int)
-        if not isinstance(value, int if whole else (int, float)) or isinstance(value, bool) or not low <= value <= high:
-            limit = f"of {low:g} or more" if high == math.inf else f"from {low:g} to {high:g}"
-            raise HarnessError(f"{name} must be a {'whole number' if whole else 'number'} {limit}, not {value}")
+            raise HarnessError(f"no setting {quoted(name)}{nearest(name, known)} (of this method: {', '.join(known)})")
+        limits = known[name].metadata
+        check_number(name, value, isinstance(known[name].default, int), limits["low"], limits["high"])
     method: Method = kind(subject, seed, **settings)
     return method

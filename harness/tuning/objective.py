@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from harness import engine as engines
 from harness import host
 from harness.engine import rng
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
 from harness.play import population
 from harness.play.evaluation import Evaluation, evaluate
@@ -44,6 +44,8 @@ class Episodes:
     measure: str
     engine: str = "auto"
     workers: int | None = None
+    range: int = rng.TRAINING
+    """Of seeds: what is added to :attr:`seed`."""
 
     def __call__(self, ask: Ask) -> NDArray[np.float64]:
         """(n, episodes) returns by :attr:`measure`, as the domain's shaping pays them."""
@@ -52,7 +54,7 @@ class Episodes:
         first = (int(k) for k in ask.first)
         return np.stack(
             [
-                measured(self.play(point, ask.episodes, rng.TRAINING + self.seed, k), self.measure)
+                measured(self.play(point, ask.episodes, self.range + self.seed, k), self.measure)
                 for point, k in zip(ask.points, first, strict=True)
             ]
         )
@@ -64,7 +66,7 @@ class Episodes:
         for first in np.unique(ask.first):
             rows = np.flatnonzero(ask.first == first)
             programs = [subject.at(ask.points[row]) for row in rows]
-            episodes = population.Episodes(rng.TRAINING + self.seed, int(first), ask.episodes, self.horizon)
+            episodes = population.Episodes(self.range + self.seed, int(first), ask.episodes, self.horizon)
             returns[rows] = population.play(self.domain, programs, episodes, engine, workers).returns
         return returns
 
@@ -94,6 +96,6 @@ def check(measure: str, seed: int) -> None:
         HarnessError: the measure is unknown or the seed out of range.
     """
     if measure not in MEASURES:
-        raise HarnessError(f"no measure '{measure}'{nearest(measure, MEASURES)} (known: {', '.join(MEASURES)})")
+        raise HarnessError(f"no measure {quoted(measure)}{nearest(measure, MEASURES)} (known: {', '.join(MEASURES)})")
     if not 0 <= seed < SEEDS:
         raise HarnessError(f"seed must be a whole number from 0 to 2**61 - 1, not {seed}")

@@ -1,35 +1,31 @@
-"""A tuning run: a method asks, episodes answer, a journal remembers; the result is scored on fresh episodes."""
+"""A tuning run: a method asks, episodes answer, a journal remembers; the best is chosen, and scored on fresh ones."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import pandas as pd
-from tqdm.auto import tqdm
 
 from harness import engine as engines
-from harness import files, host, registry
-from harness.engine import rng
-from harness.errors import HarnessError, nearest
+from harness import files, host, locking, registry
+from harness import policy as policies
+from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
-from harness.play.evaluation import EPISODES, HORIZON, Score, mean_and_sem
+from harness.play.evaluation import EPISODES, HORIZON, mean_and_sem
+from harness.progress import Bar, Progress
 from harness.tuning import journal, objective
 from harness.tuning.ascent import ForwardDifference
 from harness.tuning.cmaes import CmaEs
-from harness.tuning.constants import DECIMALS, Constants
+from harness.tuning.constants import Constants
 from harness.tuning.lines import Lines
-from harness.tuning.method import Method, configure, settings_of
+from harness.tuning.method import MOST_EPISODES, MOST_STEPS, Method, check_number, configure, settings_of
 from harness.tuning.objective import Episodes, Objective
+from harness.tuning.outcome import Tuned, brief, outcome, record
 from harness.tuning.score import ScoreFunction
 from harness.tuning.spsa import Spsa
 from harness.tuning.tunable import Tunable, Vector, tunable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 METHODS: dict[str, type[Any]] = {
     "gradient": ForwardDifference,
@@ -40,41 +36,11 @@ METHODS: dict[str, type[Any]] = {
 }
 """Ways uphill by name; their fields are their settings."""
 
-
-@dataclass(frozen=True)
-class Best:
-    """Where a run ended."""
-
-    theta: dict[str, float]
-    """By name, rounded to :data:`harness.tuning.constants.DECIMALS`: what is printed is what was scored."""
-    policy: str
-    """What names the policy: a policy string where there is one."""
-    score: Score
-    """On fresh episodes, of a seed that no tuning uses."""
-    training: Score
-    """On the episodes of the last iteration, which the tuning has seen."""
+COUNTS = {"validation_episodes": EPISODES, "final_episodes": EPISODES}
+"""What every run can be told besides, and the defaults."""
 
 
-@dataclass(frozen=True)
-class Tuned:
-    """A finished run."""
-
-    method: str
-    config: Mapping[str, Any]
-    history: pd.DataFrame
-    """A row for every point that was played: its iteration, its numbers, ``value`` and ``sem``; and of its iteration
-    the iterate ``theta_…``, ``gradient_…``, ``velocity_…``, ``rate`` and ``step``."""
-    best: Best
-    stopped: str
-    """Why it stopped, as a sentence."""
-
-    def plot(self) -> Figure:
-        """Values and iterates over the iterations, as a matplotlib figure."""
-        from harness.tuning.figures import history_figure
-
-        return history_figure(self.history, list(self.best.theta), self.config["run"]["measure"])
-
-
+@locking.alone
 def tune(
     domain: Domain | str,
     policy: str | Tunable,
@@ -83,30 +49,36 @@ def tune(
     measure: str = "return",
     seed: int = 0,
     horizon: int = HORIZON,
-    final_episodes: int = EPISODES,
+    validation_episodes: int = COUNTS["validation_episodes"],
+    final_episodes: int = COUNTS["final_episodes"],
     engine: str = "auto",
     workers: int | None = None,
     out: str | Path | None = None,
     resume: bool = False,
-    progress: bool = False,
+    progress: Progress = False,
     **settings: float,
 ) -> Tuned:
     """Tune the numbers in a policy.
 
+    The result is the best of the start and all that was visited, not where the method ended; the start where nothing
+    was better. How it is chosen, and at what cost, see :mod:`harness.tuning.choosing`.
+
     Args:
-        domain: a domain or its name. Its shaping counts while tuning, never in the final score.
+        domain: a domain or its name. Its shaping counts while tuning, never in the choice and in the final scores.
         policy: a policy string, whose numbers are the start (``belief:0.6``, ``program:FILE``), a program's text, or an
             object of the Tunable protocol.
         method: ``gradient`` (the paper's), ``spsa``, ``score``, ``cmaes`` or ``lines``.
         measure: what to maximise, the undiscounted ``return`` within the horizon or the ``discounted`` one.
         seed: of the run. Its episodes lie far from those that people score with.
         horizon: steps after which an episode is truncated.
-        final_episodes: fresh ones for the final score.
+        validation_episodes: those that choose the result; no iterate has seen them.
+        final_episodes: fresh ones for the final scores.
         engine: ``tables``, ``julia`` or ``auto``; the numbers do not depend on it.
         workers: threads of the tables engine; the numbers do not depend on it.
         out: a folder for ``config.json``, ``history.csv`` and ``result.json``; of a program also ``best.txt``.
         resume: go on with the run in ``out``, which must have been started with these same arguments.
-        progress: show a progress bar.
+        progress: True for a bar on a terminal, or a function that is called with the number of iterations finished
+            since its last call.
         settings: of the method (the fields of its class), such as ``epsilon`` or ``iterations``.
 
     Raises:
@@ -116,7 +88,9 @@ def tune(
     engine = engines.choose(engine, domain)
     subject = tunable(policy, domain)
     objective.check(measure, seed)
-    _check_counts(horizon=horizon, final_episodes=final_episodes)
+    check_number("horizon", horizon, True, 1, MOST_STEPS)
+    check_number("validation_episodes", validation_episodes, True, 2, MOST_EPISODES)
+    check_number("final_episodes", final_episodes, True, 2, MOST_EPISODES)
     if resume and out is None:
         raise HarnessError("resume needs the folder of the run: out")
     search, start = _method(method, subject, seed, settings), subject.text(subject.start)
@@ -128,6 +102,7 @@ def tune(
         "measure": measure,
         "seed": seed,
         "horizon": horizon,
+        "validation_episodes": validation_episodes,
         "final_episodes": final_episodes,
         **settings_of(search),
         "model_hash": domain.model_hash,
@@ -135,8 +110,7 @@ def tune(
     config = {"run": parameters, "versions": host.versions("numpy", "numba", "cma"), "engine": engine}
     kept = journal.Journal(subject.names, None if out is None else Path(out))
     kept.begin(config, resume)
-    hide = None if progress else True  # None: show it on a terminal only
-    with tqdm(desc=f"{method} from {brief(start)}", unit=" iterations", leave=False, disable=hide) as bar:
+    with Bar(progress, desc=f"{method} from {brief(start)}", unit=" iterations") as bar:
         played = Episodes(domain, subject, seed, horizon, measure, engine, workers)
 
         def show(theta: Vector, value: float) -> None:
@@ -144,29 +118,24 @@ def tune(
             bar.update()
 
         stopped, last = climb(search, played, kept, show)
-    best = _best(subject, search.theta, played, last, final_episodes)
+        history = kept.table()
+        result = Tuned(method, config, history, *outcome(played, parameters, history, search.theta, last), stopped)
     if out is not None and isinstance(subject, Constants):
-        files.replace_text(Path(out) / "best.txt", best.policy)
-    kept.finish({"stopped": stopped, "policy": best.policy, "theta": best.theta, **_scores(best)})
-    return Tuned(method, config, kept.table(), best, stopped)
-
-
-def brief(policy: str) -> str:
-    """What names a policy, on one line: a program by its first statement."""
-    first, _, rest = policy.partition("\n")
-    return f"the program '{first} …'" if rest or "\n" in policy else policy
+        files.replace_text(Path(out) / "best.txt", result.best.policy)
+    kept.finish(record(result))
+    return result
 
 
 def _method(name: str, subject: Tunable, seed: int, settings: Mapping[str, float]) -> Method:
     if name not in METHODS:
-        raise HarnessError(f"no method '{name}'{nearest(name, METHODS)} (known: {', '.join(METHODS)})")
+        raise HarnessError(f"no method {quoted(name)}{nearest(name, METHODS)} (known: {', '.join(METHODS)})")
+    first = configure(METHODS[name], subject, seed, settings).ask(0)  # of a method of its own: asking may draw
+    if (episodes := len(first.points) * first.episodes) > MOST_EPISODES:
+        raise HarnessError(
+            f"an iteration would play {episodes:,} episodes ({len(first.points):,} points of {first.episodes:,}), and "
+            f"{MOST_EPISODES:,} are the most; take fewer"
+        )
     return configure(METHODS[name], subject, seed, settings)
-
-
-def _check_counts(**counts: int) -> None:
-    for name, count in counts.items():
-        if count < 1:
-            raise HarnessError(f"{name} must be 1 or more, not {count}")
 
 
 def resume(folder: str | Path, **given: Any) -> Tuned:
@@ -185,7 +154,10 @@ def resume(folder: str | Path, **given: Any) -> Tuned:
     if "method" in given:  # before the settings, which belong to it
         journal.check_same({"method": stored["method"]}, {"method": given["method"]}, Path(folder))
     named, shaping = stored.pop("domain"), stored.pop("shaping")
-    domain = registry.load(given.pop("domain", named)).shaped(shaping)
+    if "policy" not in given:
+        policies.check_from_data(stored["policy"])
+    loaded = registry.load(given.pop("domain")) if "domain" in given else registry.load_from_data(named)
+    domain = loaded.shaped(shaping)
     return tune(domain, out=folder, resume=True, **(stored | given))
 
 
@@ -214,18 +186,3 @@ def climb(
 def _means(returns: Vector) -> tuple[Vector, Vector]:
     values, sems = np.array([mean_and_sem(row) for row in returns]).T
     return values, sems
-
-
-def _best(subject: Tunable, theta: Vector, played: Episodes, last: tuple[int, int], episodes: int) -> Best:
-    """The result, rounded, played again on the last iteration's episodes and on fresh ones."""
-    rounded = np.clip(np.round(theta, DECIMALS), subject.lower, subject.upper)
-    first, count = last
-    training = played.play(rounded, count, rng.TRAINING + played.seed, first).score
-    true = replace(played, domain=played.domain.shaped("none"))
-    fresh = true.play(rounded, episodes, rng.HELD_OUT + played.seed).score
-    named = {name: float(x) for name, x in zip(subject.names, rounded, strict=True)}
-    return Best(named, subject.text(rounded), fresh, training)
-
-
-def _scores(best: Best) -> dict[str, Any]:
-    return {"training": best.training._asdict(), "fresh": best.score._asdict()}

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.engine import rng
 from harness.tuning.ascent import Ascent
-from harness.tuning.method import Ask, Move, setting
+from harness.tuning.method import MOST_EPISODES, Ask, Move, setting
 from harness.tuning.tunable import Vector
 
 
@@ -28,7 +28,7 @@ class ScoreFunction(Ascent):
     the structure of the return (hundredths, for the heuristics), a cliff nearby, as at belief:1, pushes it away."""
     pairs: int = setting(50, 1)
     """Draws ±z an iteration."""
-    episodes: int = setting(100, 2)
+    episodes: int = setting(100, 2, MOST_EPISODES)
     """For each draw; with 50 pairs an iteration has 10,000."""
 
     def ask(self, iteration: int) -> Ask:

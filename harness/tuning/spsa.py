@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from harness.engine import rng
-from harness.tuning.method import Ask, Move, setting
+from harness.tuning.method import MOST_EPISODES, Ask, Move, setting
 from harness.tuning.tunable import Tunable, Vector
 
 
@@ -31,7 +31,7 @@ class Spsa:
     largest_step: float = setting(0.05, 1e-9)
     """Each component of a step is kept within ± this."""
     iterations: int = setting(60, 1)
-    episodes: int = setting(10_000, 2)
+    episodes: int = setting(10_000, 2, MOST_EPISODES)
     """At each point."""
     theta: Vector = field(init=False)
 

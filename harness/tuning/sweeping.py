@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm.auto import tqdm
 
 from harness import engine as engines
-from harness import registry
+from harness import host, locking, registry
+from harness import policy as policies
 from harness.errors import HarnessError
 from harness.model.domain import Domain
-from harness.play.evaluation import EPISODES, HORIZON, Score, evaluate
+from harness.play.evaluation import EPISODES, HORIZON, evaluate
+from harness.progress import Bar, Progress
+from harness.tuning import journal
+from harness.tuning.method import MOST_EPISODES, MOST_STEPS, check_number
+from harness.tuning.rows import SWEEP, Rows
 from harness.tuning.tunable import Tunable, index_of, tunable
 
 POINTS = 51
+MOST_POINTS = 10_000
+"""The most values of a sweep."""
+
 _DECIMALS = 10  # so that a grid of hundredths has the numbers that people write: 0.84, not 0.8400000000000001
 
 
+@locking.alone
 def sweep(
     domain: Domain | str,
     policy: str | Tunable,
@@ -33,7 +43,9 @@ def sweep(
     horizon: int = HORIZON,
     engine: str = "auto",
     workers: int | None = None,
-    progress: bool = False,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress = False,
 ) -> pd.DataFrame:
     """Score a policy at many values of one of its numbers, on the same random numbers throughout.
 
@@ -50,42 +62,100 @@ def sweep(
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.
         workers: threads of the tables engine.
-        progress: show a progress bar.
+        out: a folder for ``sweep.json`` and ``sweep.csv``, which has every row as soon as it is known.
+        resume: go on with the sweep in ``out``, which must have been started with these same arguments.
+        progress: True for a bar on a terminal, or a function that is called with the number of points finished since
+            its last call.
 
     Returns:
         One row a value: ``policy`` (its string), the number under its own name, and the fields of a Score. Each row is
         what :func:`harness.evaluate` gives for that policy and seed.
 
     Raises:
-        HarnessError: an argument is wrong; nothing is run before all have been checked.
+        HarnessError: an argument is wrong, or the folder holds another sweep or a damaged one; nothing is run before
+            all has been checked.
     """
     domain = (registry.load(domain) if isinstance(domain, str) else domain).shaped("none")
     engine = engines.choose(engine, domain)
     subject = tunable(policy, domain)
     k = index_of(subject, parameter)
+    values = _values(subject, k, values, start, stop, points)
+    check_number("episodes", episodes, True, 1, MOST_EPISODES)
+    check_number("horizon", horizon, True, 1, MOST_STEPS)
+    check_number("seed", seed, True, 0, 2**64 - 1)
+    if resume and out is None:
+        raise HarnessError("resume needs the folder of the sweep: out")
+    parameters = {
+        "domain": domain.name,
+        "policy": subject.text(subject.start),
+        "parameter": subject.names[k],
+        "values": values,
+        "episodes": episodes,
+        "seed": seed,
+        "horizon": horizon,
+        "model_hash": domain.model_hash,
+    }
+    config = {"run": parameters, "versions": host.versions("numpy", "numba"), "engine": engine}
+    kept = Rows(subject.names[k], None if out is None else Path(out))
+    kept.begin(config, resume)
+    with Bar(progress, len(values), desc=f"sweep of {subject.names[k]}", unit="point") as bar:
+        for i, x in enumerate(values):
+            theta = subject.start.copy()
+            theta[k] = x
+            if not kept.has(i, subject.text(theta), x, episodes):
+                played = evaluate(
+                    domain,
+                    subject.policy(theta),
+                    episodes=episodes,
+                    seed=seed,
+                    horizon=horizon,
+                    engine=engine,
+                    workers=workers,
+                )
+                kept.add(subject.text(theta), x, played.score)
+            bar.update()
+    return kept.table()
+
+
+def resume(folder: str | Path, domain: Domain | str | None = None, **execution: Any) -> pd.DataFrame:
+    """Go on with the sweep in a folder, with the parameters that it was started with.
+
+    Args:
+        folder: of the sweep.
+        domain: needed where the sweep was of a domain of one's own; otherwise its name is in the folder.
+        execution: ``engine``, ``workers`` and ``progress`` of :func:`sweep`, which change no number.
+
+    Raises:
+        HarnessError: there is no sweep, it is damaged, of another version of the domain, or of an object that only a
+            program can make anew (call :func:`sweep` with it and ``resume=True``).
+    """
+    stored = journal.read_parameters(Path(folder), SWEEP)
+    stored.pop("model_hash")
+    named = stored.pop("domain")
+    policies.check_from_data(stored["policy"])
+    return sweep(
+        registry.load_from_data(named) if domain is None else domain, **stored, out=folder, resume=True, **execution
+    )
+
+
+def _values(
+    subject: Tunable, k: int, values: Sequence[float] | None, start: float | None, stop: float | None, points: int
+) -> list[float]:
+    """The values of number ``k`` as given or evenly spaced, checked."""
     low, high = float(subject.lower[k]), float(subject.upper[k])
     if values is None:
         values = _grid(low if start is None else start, high if stop is None else stop, points)
-    if len(values) == 0:
-        raise HarnessError("a sweep needs values")
+    if not 0 < len(values) <= MOST_POINTS:
+        raise HarnessError(f"a sweep needs values, {MOST_POINTS:,} at most, not {len(values):,}")
     wrong = [x for x in (values[0], values[-1], *values) if not low <= x <= high]
     if wrong:  # the ends first: they are what the user gave
         raise HarnessError(f"{subject.names[k]} lies between {low:g} and {high:g}; {wrong[0]:g} is out of range")
-    rows = []
-    hide = None if progress else True  # None: show it on a terminal only
-    for x in tqdm(values, desc=f"sweep of {subject.names[k]}", unit="point", leave=False, disable=hide):
-        theta = subject.start.copy()
-        theta[k] = x
-        result = evaluate(
-            domain, subject.policy(theta), episodes=episodes, seed=seed, horizon=horizon, engine=engine, workers=workers
-        )
-        rows.append({"policy": subject.text(theta), subject.names[k]: float(x), **result.score._asdict()})
-    return pd.DataFrame(rows, columns=["policy", subject.names[k], *Score._fields])
+    return [float(x) for x in values]
 
 
 def _grid(start: float, stop: float, points: int) -> list[float]:
-    if points < 2:
-        raise HarnessError(f"a sweep has 2 points or more, not {points}")
+    if not 2 <= points <= MOST_POINTS:
+        raise HarnessError(f"a sweep has 2 points or more, {MOST_POINTS:,} at most, not {points:,}")
     if not start < stop:
         raise HarnessError(f"a sweep goes upward: from {start:g} to {stop:g} there is nothing")
     return [round(float(x), _DECIMALS) for x in np.linspace(start, stop, points)]

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from harness import policy as policies
-from harness.errors import HarnessError, PolicyError, nearest
+from harness.errors import HarnessError, PolicyError, nearest, quoted
 from harness.model.domain import Domain
 from harness.policy import Policy, thresholds
 from harness.policy.program import ProgramPolicy
@@ -99,7 +99,7 @@ def tunable(spec: str | Tunable, domain: Domain) -> Tunable:
         return Constants(made.program)
     if word not in _BOUNDS:
         known = ", ".join([*_BOUNDS, "program:FILE"])
-        raise PolicyError(f"policy '{word}' has no numbers to tune (those that have: {known})")
+        raise PolicyError(f"policy {quoted(word)} has no numbers to tune (those that have: {known})")
     if word == "thresholds":
         start = np.array(list((thresholds.DEFAULTS | thresholds.parse(numbers)).values()))
     else:
@@ -121,5 +121,5 @@ def index_of(subject: Tunable, name: str | None) -> int:
             raise HarnessError(f"name the parameter to vary, one of: {known}")
         return 0
     if name not in subject.names:
-        raise HarnessError(f"no parameter '{name}'{nearest(name, subject.names)} (known: {known})")
+        raise HarnessError(f"no parameter {quoted(name)}{nearest(name, subject.names)} (known: {known})")
     return subject.names.index(name)

@@ -13,7 +13,9 @@ struct Flat{S,A,O,M<:POMDP{S,A,O}} <: POMDP{S,A,O}
     observations::Vector{O}
 end
 
-Flat(m::POMDP) = Flat(m, ordered_states(m), ordered_actions(m), ordered_observations(m))
+# The types named: what a model lists may have a narrower one than it says its states have.
+Flat(m::POMDP{S,A,O}) where {S,A,O} =
+    Flat{S,A,O,typeof(m)}(m, ordered_states(m), ordered_actions(m), ordered_observations(m))
 
 POMDPs.states(f::Flat) = f.states
 POMDPs.actions(f::Flat) = f.actions
@@ -30,6 +32,7 @@ POMDPs.reward(f::Flat, s, a, sp) = reward(f.model, s, a, sp)
 POMDPs.initialstate(f::Flat) = initialstate(f.model)
 POMDPs.discount(f::Flat) = discount(f.model)
 POMDPs.isterminal(f::Flat, s) = isterminal(f.model, s)
+POMDPs.isterminal(f::Flat, s::TerminalState) = isterminal(f.model, s)  # POMDPTools has one for any model and this state
 
 first_reading(f::Flat, s) = first_reading(f.model, s)
 

@@ -37,14 +37,14 @@ function tables(m::POMDP)
             s = representative(m, v, k, x)
             push!(legal, a in actions(m, s))
             total = 0.0
-            for (sp, p) in sorted_outcomes(transition(m, s, a), y -> stateindex(m, y))
+            for (sp, p) in next_states(m, s, a)
                 total += p
                 push!(outcomes.visible, visible_index(m, sp) - 1)
                 push!(outcomes.value, k == 0 ? 0 : factor_value(m, sp, k) - 1)
                 push!(outcomes.probability, p)
                 push!(outcomes.cdf, total)
-                push!(outcomes.observation, row!(readings, observation(m, s, a, sp)))
-                foreach((list, model) -> push!(list, reward(model, s, a, sp)), rewards, models)
+                push!(outcomes.observation, row!(readings, reading(m, s, a, sp)))
+                foreach((list, model) -> push!(list, paid(model, s, a, sp)), rewards, models)
             end
             push!(row_outcomes, length(outcomes.visible))
         end
@@ -60,6 +60,12 @@ function tables(m::POMDP)
         visible_values = stack([visible_values(m, v) for v in 1:V]; dims = 1),
     )
 end
+
+# A flat model's terminal states have rows too, which no episode meets. A model need not say what happens there.
+next_states(m, s, a) =
+    isterminal(m, s) ? [s => 1.0] : sorted_outcomes(transition(m, s, a), y -> stateindex(m, y))
+reading(m, s, a, sp) = isterminal(m, s) ? Deterministic(observation_at(m, 1)) : observation(m, s, a, sp)
+paid(m, s, a, sp) = isterminal(m, s) ? 0.0 : reward(m, s, a, sp)
 
 is_terminal_value(m, v) = isterminal(m, representative(m, v, 0, 1))
 is_terminal_value(::Flat, v) = v == 2

@@ -31,6 +31,25 @@ POMDPs.observation(::Drift, a::Symbol, sp::Int) = BoolDistribution(sp / 4)
 POMDPs.reward(::Drift, s::Int, a::Symbol, sp::Int) = Float64(sp - s)
 POMDPs.reward(::Drift, s::Int, a::Symbol) = a == :go && s < 4 ? 0.6 : 0.0
 
+"""
+A corridor of three cells whose state type is `T`, a `Union` with `TerminalState` or `Any`; from the last cell it ends.
+As POMDPs.jl allows, it does not say what is paid, seen or done after the end.
+"""
+struct Corridor{T} <: POMDP{T,Symbol,Int} end
+POMDPs.states(::Corridor) = [1, 2, 3, terminalstate]
+POMDPs.stateindex(::Corridor, s::Int) = s
+POMDPs.stateindex(::Corridor, ::TerminalState) = 4
+POMDPs.actions(::Corridor) = (:go, :stay)
+POMDPs.actionindex(::Corridor, a::Symbol) = a == :go ? 1 : 2
+POMDPs.observations(::Corridor) = (1, 2)
+POMDPs.obsindex(::Corridor, o::Int) = o
+POMDPs.discount(::Corridor) = 0.9
+POMDPs.initialstate(::Corridor) = SparseCat(Any[1, 2], [0.5, 0.5])
+POMDPs.transition(::Corridor, s::Int, a::Symbol) = Deterministic(a == :stay ? s : s < 3 ? s + 1 : terminalstate)
+POMDPs.observation(::Corridor, ::Symbol, sp::Int) = SparseCat([1, 2], [sp / 4, 1 - sp / 4])
+POMDPs.observation(::Corridor, ::Symbol, ::TerminalState) = Deterministic(2)
+POMDPs.reward(::Corridor, s::Int, a::Symbol) = a == :go && s == 3 ? 1.0 : 0.0
+
 "A model that is wrong: its third state is not among its states."
 struct Astray <: POMDP{Int,Symbol,Bool} end
 POMDPs.states(::Astray) = 1:2

@@ -20,7 +20,9 @@ end
     @test H.sorted_outcomes(SparseCat([2, 1, 2], [0.2, 0.5, 0.3]), identity) == [1 => 0.5, 2 => 0.5]
 end
 
-@testset "steps as the model's functions say, on $(typeof(m))" for m in [SMALL; H.Flat(Tiger()); H.Flat(Drift())]
+@testset "steps as the model's functions say, on $(typeof(m))" for m in [
+    SMALL; H.Flat(Tiger()); H.Flat(Drift()); H.Flat(Corridor{Union{Int,TerminalState}}()); H.Flat(Corridor{Any}())
+]
     rng = MersenneTwister(7)
     E = 64
     b = buffers(m, E)

@@ -37,3 +37,29 @@ end
     @test t.terminal == [false, true]
     @test H.describe(m)["actions"] == ["go", "stay"]
 end
+
+@testset "tables of a state type $T" for T in (Union{Int,TerminalState}, Any)
+    m = H.harnessed(Corridor{T}())
+    t = H.tables(m)
+    @test t.terminal == [false, true]
+    @test isterminal(m, terminalstate) && !isterminal(m, 3)
+    last_go, ended = t.first_row[1] + 3, t.first_row[1] + 4
+    @test t.row_outcomes[ended + 1] - t.row_outcomes[ended] == 1
+    j, e = t.row_outcomes[last_go] + 1, t.row_outcomes[ended] + 1
+    @test (t.outcome_visible[j], t.outcome_value[j], t.outcome_reward[1, j]) == (1, 3, 1.0)
+    @test (t.outcome_visible[e], t.outcome_value[e], t.outcome_reward[1, e]) == (1, 3, 0.0)
+    @test H.describe(m)["factor_labels"] == [["1", "2", "3", "TerminalState()"]]
+end
+
+if Base.identify_package("POMDPModels") !== nothing
+    @eval import POMDPModels
+    @testset "POMDPModels' T-maze" begin
+        maze = POMDPModels.TMaze()
+        m = H.harnessed(maze)
+        t = H.tables(m)
+        @test length(states(m)) == 23 && t.terminal == [false, true]
+        junction = t.first_row[1] + stateindex(maze, POMDPModels.TMazeState(11, :north))
+        j = only((t.row_outcomes[junction] + 1):t.row_outcomes[junction + 1])
+        @test (t.outcome_visible[j], t.outcome_reward[1, j]) == (1, 4.0)    # north, where the goal is
+    end
+end

@@ -1,0 +1,354 @@
+"""Is a domain well formed? Names, shapes, indices, probabilities and running sums, before anything uses them.
+
+Compiled code follows the indices of the arrays without looking: one of them out of range reads, or writes, memory that
+is not the array's. So a snapshot is checked when it is read, whatever its hash says; the conformance check says the
+same of any other domain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import quoted
+
+if TYPE_CHECKING:
+    from harness.model.domain import Domain
+
+_TOLERANCE = 1e-9
+_LONGEST_NAME = 200
+LARGEST_WHOLE = 2**31 - 1
+"""Of versions, numbers of states and indices."""
+LARGEST_REWARD = 1e30
+"""Of rewards and values, so that sums and squares of them are still numbers."""
+_LARGEST_GRID = 1000
+
+SHAPES: dict[str, tuple[str, ...]] = {
+    "visible_values": ("visible", "visible names"),
+    "first_row": ("visible × actions",),
+    "factor": ("visible × actions",),
+    "terminal": ("visible",),
+    "legal": ("rows",),
+    "row_outcomes": ("rows + 1",),
+    "outcome_visible": ("outcomes",),
+    "outcome_value": ("outcomes",),
+    "outcome_probability": ("outcomes",),
+    "outcome_cdf": ("outcomes",),
+    "outcome_observation": ("outcomes",),
+    "outcome_reward": ("shapings", "outcomes"),
+    "observation_probability": ("readings", "observations"),
+    "observation_cdf": ("readings", "observations"),
+    "start_visible": ("starts",),
+    "start_values": ("starts", "factors"),
+    "start_cdf": ("starts",),
+    "start_observation": ("starts",),
+    "prior_visible": ("priors",),
+    "prior_marginals": ("priors", "marginals"),
+    "prior_factor": ("priors",),
+    "prior_observation": ("priors", "longest factor"),
+}
+"""What the axes of the arrays stand for."""
+
+
+def record_breaches(record: Mapping[str, Any]) -> Iterator[str]:
+    """What is wrong with the names and numbers beside the arrays, as read from a file."""
+    for name, least in (("version", 0), ("states", 1)):
+        if not whole(record.get(name), least, LARGEST_WHOLE):
+            yield f"{name} is {quoted(record.get(name))}, not a whole number of {least} … {LARGEST_WHOLE}"
+    discount = record.get("discount")
+    if not isinstance(discount, (int, float)) or isinstance(discount, bool):
+        yield f"discount is {quoted(discount)}, not a number"
+    for name in ("name", "title"):
+        if not is_name(record.get(name)):
+            yield f"{name} is {quoted(record.get(name))}, not a printable text"
+    for name in ("actions", "observations", "visible", "factors", "shapings"):
+        if not _are_names(record.get(name)):
+            yield f"{name} is no list of printable texts of {_LONGEST_NAME} characters at most"
+    labels = record.get("factor_labels")
+    if not isinstance(labels, list) or not all(_are_names(each) and each for each in labels):
+        yield "factor_labels is no list of lists of printable texts"
+    features = record.get("features")
+    if not isinstance(features, list) or not all(_is_feature(each) for each in features):
+        yield "features is no list of [name, factor, value]"
+    for name in ("layout", "provenance"):
+        if not isinstance(record.get(name), dict):
+            yield f"{name} is no table of names and values"
+
+
+def whole(value: Any, least: int, most: int) -> bool:
+    """Whether a value is a whole number within limits; true and false are none."""
+    return isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
+
+
+def is_name(value: Any) -> bool:
+    """Whether a value is a text that can be shown: printable, on one line, of 200 characters at most."""
+    return isinstance(value, str) and value.isprintable() and len(value) <= _LONGEST_NAME
+
+
+def _are_names(value: Any) -> bool:
+    return isinstance(value, list) and all(map(is_name, value))
+
+
+def _is_feature(value: Any) -> bool:
+    if not isinstance(value, list) or len(value) != 3:
+        return False
+    return is_name(value[0]) and all(whole(index, 0, LARGEST_WHOLE) for index in value[1:])
+
+
+def type_breaches(arrays: Mapping[str, NDArray[Any]], types: Mapping[str, Any]) -> Iterator[str]:
+    """Arrays that are missing, or hold numbers of another type: casting these could change what they say."""
+    for name, kind in types.items():
+        if name not in arrays:
+            yield f"the array {name} is missing"
+        elif arrays[name].dtype != kind:
+            yield f"{name} is of type {arrays[name].dtype}, needed is {np.dtype(kind)}"
+
+
+def breaches(domain: Domain) -> Iterator[str]:
+    """What is wrong with a domain, each with the array and the place; of the arrays, only as far as it can be said."""
+    yield from _name_breaches(domain)
+    for check in (_shape_breaches, _factor_breaches, _row_breaches, _index_breaches, _content_breaches):
+        found = list(check(domain))
+        yield from found
+        if found:  # what comes next would only fail in stranger ways
+            return
+
+
+def _name_breaches(d: Domain) -> Iterator[str]:
+    if not 0 < d.discount <= 1:
+        yield f"the discount {d.discount} is not in (0, 1]"
+    if d.shapings[:1] != ("none",):
+        yield "the first shaping is not 'none', the true reward"
+    if len(d.factor_labels) != len(d.factors):
+        yield f"there are {len(d.factors)} factors and labels of {len(d.factor_labels)}"
+    for what, names in (
+        ("action", d.actions),
+        ("observation", d.observations),
+        ("feature", [f[0] for f in d.features]),
+        ("shaping", d.shapings),
+    ):
+        if len(set(names)) != len(names):
+            yield f"two {what}s share a name"
+    yield from _layout_breaches(d)
+
+
+def _layout_breaches(d: Domain) -> Iterator[str]:
+    """The layout has what policies and drawings of its kind take from it."""
+    layout, kind = d.layout, d.layout.get("kind")
+    if not isinstance(kind, str):
+        yield "the layout says no kind"
+    elif kind != "none":
+        columns = ("rows", "columns", "exit_column", *(() if kind == "rocksample" else ("wall_column",)))
+        for name in columns:
+            if not whole(layout.get(name), 1, _LARGEST_GRID):
+                yield f"the layout's {name} is {quoted(layout.get(name))}, not a number of 1 … {_LARGEST_GRID}"
+        if layout.get("rows_grow") not in ("up", "down"):
+            yield "the layout's rows_grow is neither 'up' nor 'down'"
+        if kind == "rocksample":
+            yield from _rock_breaches(d)
+
+
+def _rock_breaches(d: Domain) -> Iterator[str]:
+    rocks, reach = d.layout.get("rocks"), d.layout.get("half_efficiency_distance")
+    if not isinstance(rocks, list) or not all(
+        isinstance(cell, list) and len(cell) == 2 and all(whole(x, 1, _LARGEST_GRID) for x in cell) for cell in rocks
+    ):
+        yield "the layout's rocks are no list of cells [x, y]"
+        return
+    if not isinstance(reach, (int, float)) or not 0 < reach < 1e9:
+        yield f"the layout's half_efficiency_distance is {quoted(reach)}, not a number above 0"
+    moves = ("up()", "right()", "down()", "left()", "sample()", "check(1)")
+    checks = d.actions[d.actions.index("check(1)") :][: len(rocks)] if "check(1)" in d.actions else ()
+    if not rocks or not set(moves) <= set(d.actions) or checks != tuple(f"check({i + 1})" for i in range(len(rocks))):
+        yield "the actions are not those of RockSample, one check for every rock in order"
+    if len(d.features) != len(rocks) or d.visible_names != ("x", "y") or "good" not in d.observations:
+        yield "features, visible names or observations are not those of RockSample"
+
+
+def _shape_breaches(d: Domain) -> Iterator[str]:
+    first = {name: (*array.shape, 0)[0] for name, array in d.arrays.items()}
+    rows, longest = first["legal"], max(d.factor_sizes, default=1)
+    sizes = {
+        "visible": first["visible_values"], "visible names": len(d.visible_names),
+        "visible × actions": first["visible_values"] * d.n_actions, "rows": rows, "rows + 1": rows + 1,
+        "outcomes": first["outcome_visible"], "shapings": len(d.shapings), "observations": d.n_observations,
+        "readings": first["observation_probability"], "starts": first["start_cdf"], "priors": first["prior_visible"],
+        "factors": len(d.factors), "marginals": d.n_marginals, "longest factor": longest,
+    }  # fmt: skip
+    for name in ("visible", "visible × actions", "rows", "outcomes", "observations", "readings", "starts", "priors"):
+        if sizes[name] < 1:
+            yield f"there are no {name}"
+    for name, axes in SHAPES.items():
+        expected = tuple(sizes[axis] for axis in axes)
+        if d.arrays[name].shape != expected:
+            yield f"{name} has the shape {d.arrays[name].shape}, needed is {expected}: {', '.join(axes)}"
+
+
+def _factor_breaches(d: Domain) -> Iterator[str]:
+    yield from outside("factor", d.arrays["factor"], -1, len(d.factors))
+
+
+def _row_breaches(d: Domain) -> Iterator[str]:
+    """Choices lead to rows that exist, rows to outcomes that exist."""
+    t = d.arrays
+    ends = t["row_outcomes"].astype(np.int64)  # whose differences are not cut to 32 bits
+    bad = np.diff(ends) < 1
+    if bad.any():
+        yield f"row {bad.argmax()} has no outcome (row_outcomes does not rise there)"
+    if ends[0] != 0 or ends[-1] != len(t["outcome_visible"]):
+        yield f"row_outcomes runs from {ends[0]} to {ends[-1]}, not from 0 to the {len(t['outcome_visible'])} outcomes"
+    terminal = np.repeat(t["terminal"], d.n_actions)
+    bad = terminal & (t["first_row"] != -1)
+    if bad.any():
+        yield f"a terminal visible value has rows (first_row[{bad.argmax()}] is not -1)"
+    last = len(t["legal"]) - _sizes(d)[t["factor"]]
+    bad = ~terminal & ((t["first_row"] < 0) | (t["first_row"] > last))
+    if bad.any():
+        yield f"first_row[{bad.argmax()}] is {t['first_row'][bad.argmax()]}, which points outside the rows"
+
+
+def _sizes(d: Domain) -> NDArray[np.int64]:
+    """(K + 1,) values of each factor; the last entry serves factor −1, which has one row."""
+    return np.array([*d.factor_sizes, 1])
+
+
+def _index_breaches(d: Domain) -> Iterator[str]:
+    t, readings = d.arrays, len(d.arrays["observation_probability"])
+    limits = np.repeat(_row_limits(d), np.diff(t["row_outcomes"]))
+    yield from outside("outcome_visible", t["outcome_visible"], 0, d.n_visible)
+    yield from outside("outcome_value", t["outcome_value"], 0, limits)
+    yield from outside("outcome_observation", t["outcome_observation"], 0, readings)
+    yield from outside("start_visible", t["start_visible"], 0, d.n_visible)
+    yield from outside("start_values", t["start_values"], 0, _sizes(d)[:-1])
+    yield from outside("start_observation", t["start_observation"], -1, readings)
+    yield from outside("prior_visible", t["prior_visible"], 0, d.n_visible)
+    yield from outside("prior_factor", t["prior_factor"], -1, len(d.factors))
+    yield from outside("prior_observation", t["prior_observation"], -1, readings)
+    for name, k, x in d.features:
+        if not 0 <= k < len(d.factors) or not 0 <= x < d.factor_sizes[k]:
+            yield f"the feature {quoted(name)} names a factor or value that does not exist"
+            break
+
+
+def _row_limits(d: Domain) -> NDArray[np.int64]:
+    """(rows,) number of values of the factor that a row's outcomes may change, the least where choices share it."""
+    t, sizes = d.arrays, _sizes(d)
+    limits = np.full(len(t["legal"]), sizes.max())
+    live = t["first_row"] >= 0
+    first, size = t["first_row"][live], sizes[t["factor"][live]]
+    for n in np.unique(size)[::-1]:
+        begun = np.zeros(len(limits) + 1, dtype=np.int64)
+        np.add.at(begun, first[size == n], 1)
+        np.add.at(begun, first[size == n] + n, -1)
+        limits[begun.cumsum()[:-1] > 0] = n
+    return limits
+
+
+def _content_breaches(d: Domain) -> Iterator[str]:
+    yield from _outcome_breaches(d)
+    yield from _reading_breaches(d)
+    yield from _start_breaches(d)
+    yield from _prior_breaches(d)
+    yield from _legal_breaches(d)
+
+
+def _outcome_breaches(d: Domain) -> Iterator[str]:
+    t = d.arrays
+    probability, cdf, first = t["outcome_probability"], t["outcome_cdf"], t["row_outcomes"][:-1]
+    yield from faulty("outcome_probability", ~(probability > 0), "is not above 0")
+    totals = np.add.reduceat(probability, first)
+    bad = ~(np.abs(totals - 1) <= _TOLERANCE)
+    if bad.any():
+        yield f"the outcomes of row {bad.argmax()} do not sum to 1"
+    below = np.concatenate([[0.0], cdf[:-1]])
+    below[first] = 0.0
+    wrong = ~(np.abs(cdf - below - probability) <= _TOLERANCE) | (cdf < below)
+    yield from faulty("outcome_cdf", wrong, "is not the running sum of the row's probabilities")
+    rewards = t["outcome_reward"]
+    yield from faulty("outcome_reward", ~(np.abs(rewards) <= LARGEST_REWARD), "is not a finite number")
+
+
+def _reading_breaches(d: Domain) -> Iterator[str]:
+    probability, cdf = d.arrays["observation_probability"], d.arrays["observation_cdf"]
+    yield from faulty("observation_probability", ~(probability >= 0), "is negative")
+    bad = ~(np.abs(probability.sum(axis=1) - 1) <= _TOLERANCE)
+    yield from faulty("observation_probability", bad, "does not sum to 1")
+    below = np.concatenate([np.zeros((len(cdf), 1)), cdf[:, :-1]], axis=1)
+    wrong = ~(np.abs(cdf - below - probability) <= _TOLERANCE) | (cdf < below)
+    yield from faulty("observation_cdf", wrong, "is not the running sum of observation_probability")
+
+
+def _start_breaches(d: Domain) -> Iterator[str]:
+    cdf = d.arrays["start_cdf"]
+    yield from faulty("start_cdf", ~(np.diff(cdf, prepend=0.0) > 0), "does not rise to 1")
+    if not abs(cdf[-1] - 1) <= _TOLERANCE:
+        yield f"start_cdf does not rise to 1 but to {cdf[-1]:g}"
+    unknown = ~np.isin(d.arrays["start_visible"], d.arrays["prior_visible"])
+    yield from faulty("start_visible", unknown, "is not in prior_visible")
+    unknown = ~np.isin(d.arrays["prior_visible"], d.arrays["start_visible"])
+    yield from faulty("prior_visible", unknown, "is not in start_visible")
+
+
+def _prior_breaches(d: Domain) -> Iterator[str]:
+    t, prior = d.arrays, d.arrays["prior_marginals"]
+    yield from faulty("prior_marginals", ~(prior >= 0), "is negative")
+    for k, name in enumerate(d.factors):
+        total = prior[:, d.factor_offset[k] : d.factor_offset[k + 1]].sum(axis=1)
+        if not (np.abs(total - 1) <= _TOLERANCE).all():
+            yield f"the prior of {quoted(name)} is not a distribution"
+            break
+    read = np.isin(t["prior_visible"], t["start_visible"][t["start_observation"] >= 0])
+    for i in np.flatnonzero(read & (t["prior_factor"] >= 0)):
+        k = t["prior_factor"][i]
+        first, last = d.factor_offset[k], d.factor_offset[k + 1]
+        if ((prior[i, first:last] > 0) & (t["prior_observation"][i, : last - first] < 0)).any():
+            yield f"prior_observation[{i}] has no reading for a value that is possible"
+            break
+
+
+def _legal_breaches(d: Domain) -> Iterator[str]:
+    """Policies that play legal actions only find one in every state."""
+    t = d.arrays
+    size, first = _sizes(d)[t["factor"]], t["first_row"]
+    live = first >= 0
+    legal = np.concatenate([[0], np.cumsum(t["legal"])])
+    always = np.zeros(len(first), dtype=np.bool_)  # choices that are legal whatever is hidden
+    always[live] = legal[first[live] + size[live]] - legal[first[live]] == size[live]
+    surely = always.reshape(d.n_visible, -1).any(axis=1)
+    for v in np.flatnonzero(~surely & ~t["terminal"]).tolist():
+        if not _legal_by_factor(d, v):
+            yield f"no action is legal at visible value {v}, or none for some hidden value"
+            return
+
+
+def _legal_by_factor(d: Domain, v: int) -> bool:
+    """Whether the actions that hang on one factor have a legal one among them for each of its values."""
+    some: dict[int, NDArray[np.bool_]] = {}
+    for va in range(v * d.n_actions, (v + 1) * d.n_actions):
+        k, row = int(d.arrays["factor"][va]), d.arrays["first_row"][va]
+        if k >= 0:
+            rows = d.arrays["legal"][row : row + d.factor_sizes[k]]
+            some[k] = some[k] | rows if k in some else rows
+    return any(values.all() for values in some.values())
+
+
+def outside(name: str, array: NDArray[Any], low: int, high: int | NDArray[np.int64]) -> Iterator[str]:
+    """The first index of an array that is not in ``low … high − 1``."""
+    bad = (array < low) | (array >= high)
+    if bad.any():
+        place = np.unravel_index(bad.argmax(), bad.shape)
+        most = int(np.broadcast_to(high, bad.shape)[place]) - 1
+        yield f"{_entry(name, place)} is {array[place]}, which leaves the range {low} … {most}"
+
+
+def faulty(name: str, where: NDArray[np.bool_], what: str) -> Iterator[str]:
+    """The first entry of an array that a mask finds at fault, and what is wrong with it."""
+    if where.any():
+        yield f"{_entry(name, np.unravel_index(where.argmax(), where.shape))} {what}"
+
+
+def _entry(name: str, place: tuple[Any, ...]) -> str:
+    return f"{name}[{', '.join(map(str, place))}]"

@@ -1,0 +1,207 @@
+"""The comparison table as text: for people, for papers, for programs."""
+
+from __future__ import annotations
+
+import json
+import re
+from html import escape
+from typing import Any
+
+import pandas as pd
+from tabulate import tabulate
+
+from harness.errors import HarnessError, nearest
+from harness.score import published
+from harness.score.aggregation import aggregate
+from harness.score.table import COLUMNS, DIFFERENCES, by_domain
+
+FORMATS = ("table", "markdown", "latex", "csv", "json")
+
+_TABULATE = {"table": "simple", "markdown": "github", "latex": "latex_booktabs"}
+_SMALL = 0.001  # p-values below are shown as such
+_DIFFERENCES = """less: mean difference over the episodes that both have met ± standard error; better: probability of
+earning more in an episode (ties count half); p: two-sided paired t-test, adjusted by Holm for all of the table."""
+_OVERALL = """Over all domains, each scaled so that random-legal is 0 and the upper bound 1; in brackets 95 % intervals
+(bootstrap of the episodes, stratified by domain):"""
+
+
+def render(table: pd.DataFrame, format: str = "table") -> str:
+    """A comparison table as the command ``harness compare`` prints it.
+
+    Args:
+        table: what :func:`harness.compare` returns.
+        format: ``table`` (for people), ``markdown``, ``latex`` (for the package booktabs), ``csv`` or ``json`` (a
+            list of rows). All but the last two end with the aggregate where there are several domains.
+
+    Raises:
+        HarnessError: there is no such format, or columns of the table are missing.
+    """
+    if format not in FORMATS:
+        raise HarnessError(f"no format '{format}'{nearest(format, FORMATS)} (known: {', '.join(FORMATS)})")
+    if missing := [name for name in COLUMNS if name not in table]:
+        raise HarnessError(f"this is no whole comparison table: it has no column {missing[0]}")
+    if format == "csv":
+        flat = table.assign(reference=table["reference"].map(_brief))
+        return flat.to_csv(index=False)
+    if format == "json":
+        return json.dumps(rows(table), indent=2) + "\n"
+    blocks = [block for part in by_domain(table) for block in _blocks(part, format)]
+    return "\n\n".join([*blocks, *_aggregate(table, format)]) + "\n"
+
+
+def html(table: pd.DataFrame) -> str:
+    """A comparison table for notebooks, without the footnotes."""
+    return "".join(
+        f"<p>{escape(heading(part))}</p>" + "".join(cells.to_html(index=False) for cells in _grids(part))
+        for part in by_domain(table)
+    )
+
+
+def _blocks(part: pd.DataFrame, format: str) -> list[str]:
+    """The paragraphs of one domain."""
+    grids = [_grid(cells, format) for cells in _grids(part)]
+    return [_remark(heading(part), format), *grids, _remark(footnote(part), format)]
+
+
+def _grids(part: pd.DataFrame) -> list[pd.DataFrame]:
+    more = differences(part)
+    return [shown(part), *([more] if len(more) else [])]
+
+
+def _aggregate(table: pd.DataFrame, format: str) -> list[str]:
+    """The paragraphs below the tables of several domains."""
+    if table["domain"].nunique() < 2:
+        return []
+    try:
+        cells = overall(aggregate(table))
+    except HarnessError as reason:
+        return [_remark(f"No aggregate over the domains: {reason}.", format)]
+    return [_remark(_OVERALL, format), _grid(cells, format)]
+
+
+def _grid(cells: pd.DataFrame, format: str) -> str:
+    """Cells of text, the first column on the left."""
+    text = tabulate(
+        _prepared(cells, format).values.tolist(),
+        headers=[str(name) for name in cells],
+        tablefmt=_TABULATE[format],
+        colalign=("left", *["right"] * (len(cells.columns) - 1)),
+        disable_numparse=True,
+    )
+    if format != "latex":
+        return text
+    text = text.replace("±", r"$\pm$").replace("−", "$-$")
+    return re.sub(r"^( *)\[", r"\1{[}", text, flags=re.MULTILINE)  # after \\ a bracket would be an argument of it
+
+
+def _prepared(cells: pd.DataFrame, format: str) -> pd.DataFrame:
+    """What tabulate leaves to us: pipes in Markdown, minus signs in LaTeX (it escapes the rest)."""
+    if format == "markdown":
+        return cells.map(lambda text: text.replace("|", "\\|"))
+    if format == "latex":
+        numbers = {name: cells[name].str.replace("-", "−") for name in cells.columns[1:]}
+        return cells.assign(**numbers)
+    return cells
+
+
+def _remark(text: str, format: str) -> str:
+    """A heading or a footnote; in LaTeX a comment."""
+    return "\n".join(f"% {line}" for line in text.splitlines()) if format == "latex" else text
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """The table's cells as text for people; ± is one standard error."""
+    return pd.DataFrame(
+        {
+            "policy": table["policy"].where(table["kind"] == "policy", table["policy"] + " (upper bound)"),
+            "return": [_plus_minus(*pair) for pair in zip(table["mean"], table["sem"], strict=True)],
+            "discounted": [
+                _plus_minus(*pair) for pair in zip(table["discounted_mean"], table["discounted_sem"], strict=True)
+            ],
+            "published": table["reference"].map(_brief),
+            "steps": table["steps_mean"].map(lambda x: _number(x, ".1f")),
+            "success": table["success_rate"].map(lambda x: _number(x, ".1%")),
+            "episodes": table["episodes"].map(lambda x: _number(x, ",.0f")),
+        }
+    )
+
+
+def differences(table: pd.DataFrame) -> pd.DataFrame:
+    """The cells of a comparison ``against`` one policy as text for people; empty where the table is none."""
+    kept = table[table["against"].notna()] if set(DIFFERENCES) <= set(table) else table.iloc[:0]
+    if kept.empty:
+        return pd.DataFrame()
+    other = kept["against"].iloc[0]
+    cells: dict[str, Any] = {"policy": kept["policy"]}
+    for prefix, title in (("", "return"), ("discounted_", "discounted")):
+        pairs = zip(kept[f"{prefix}difference"], kept[f"{prefix}difference_sem"], strict=True)
+        suffix = " (disc.)" if prefix else ""
+        cells[f"{title} less {other}"] = [f"{difference:.3f} ± {sem:.3f}" for difference, sem in pairs]
+        cells[f"better{suffix}"] = kept[f"{prefix}improvement"].map("{:.1%}".format)
+        cells[f"p{suffix}"] = kept[f"{prefix}p_value"].map(lambda p: f"{p:.3f}" if p >= _SMALL else f"<{_SMALL}")
+    return pd.DataFrame(cells)
+
+
+def overall(table: pd.DataFrame) -> pd.DataFrame:
+    """The cells of :func:`~harness.score.aggregation.aggregate` as text for people.
+
+    Medians are shown of three domains and more: of two they are the mean.
+    """
+    cells: dict[str, Any] = {"policy": table["policy"]}
+    for prefix, title in (("", "return"), ("discounted_", "discounted")):
+        cells[title] = _intervals(table, f"{prefix}mean")
+        if (table["domains"] > 2).any():
+            cells[f"{title}, median"] = _intervals(table, f"{prefix}median")
+    return pd.DataFrame(cells)
+
+
+def _intervals(table: pd.DataFrame, name: str) -> list[str]:
+    values = zip(table[name], table[f"{name}_low"], table[f"{name}_high"], strict=True)
+    return ["" if pd.isna(value) else f"{value:.3f} [{low:.3f}, {high:.3f}]" for value, low, high in values]
+
+
+def rows(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The table's rows as plain Python values, None where there is no value."""
+    plain = table.astype(object).where(table.notna(), None)
+    return [{str(key): value for key, value in row.items()} for row in plain.to_dict("records")]
+
+
+def heading(table: pd.DataFrame) -> str:
+    """What all rows have in common: domain, horizon, engine, seed."""
+    first = table.iloc[0]
+    run = table[table["kind"] == "policy"]
+    engine = f", engine {run['engine'].iloc[0]}, seed {run['seed'].iloc[0]:.0f}" if len(run) else ""
+    return f"{first['domain']} (version {first['domain_version']}), horizon {first['horizon']}{engine}"
+
+
+def footnote(table: pd.DataFrame) -> str:
+    """What the columns of :func:`shown` mean, and published figures of methods that are not among the rows."""
+    lines = [
+        "return: undiscounted, mean ± standard error; discounted: the same at the domain's discount; success: share of "
+        "episodes that\nreached a terminal state.",
+    ]
+    if table["reference"].map(_brief).any():
+        lines[0] += " published: discounted (Silver and Veness 2010)."
+    if len(differences(table)):
+        lines.append(_DIFFERENCES)
+    others = published.not_run_here(table["domain"].iloc[0], table["policy"].tolist())
+    if others:
+        figures = ", ".join(f"{p.method} {_plus_minus(p.value, p.error)}" for p in others)
+        lines.append(f"Published, not run here (discounted): {figures}.")
+    return "\n".join(lines)
+
+
+def _plus_minus(mean: float | None, error: float | None) -> str:
+    if error is None or pd.isna(error):
+        return _number(mean, ".2f")
+    return f"{_number(mean, '.2f')} ± {error:.2f}"
+
+
+def _number(value: float | None, form: str) -> str:
+    return "" if value is None or pd.isna(value) else format(value, form)
+
+
+def _brief(reference: Any) -> str:
+    if isinstance(reference, str):  # read back from CSV
+        return reference
+    return _plus_minus(reference["discounted_mean"], reference["error"]) if isinstance(reference, dict) else ""

@@ -1,0 +1,59 @@
+"""What a comparison table is made of."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+COLUMNS = (
+    "policy",
+    "mean",
+    "sem",
+    "discounted_mean",
+    "discounted_sem",
+    "steps_mean",
+    "success_rate",
+    "ci_low",
+    "ci_high",
+    "reference",
+    "engine",
+    "seed",
+    "horizon",
+    "domain_version",
+    "kind",
+    "episodes",
+    "domain",
+)
+"""Columns of every table; ``kind`` is ``policy`` or ``upper bound``, ``reference`` the published figure or None. The
+first and the last few are what pandas shows where there is little room."""
+
+DIFFERENCES = (
+    "against",
+    "pairs",
+    "discounted_difference",
+    "discounted_difference_sem",
+    "discounted_improvement",
+    "discounted_p_value",
+    "improvement",
+    "difference",
+    "difference_sem",
+    "p_value",
+)
+"""Further columns of a comparison ``against`` a policy: the fields of :class:`~harness.score.paired.Paired` for
+discounted and for undiscounted returns. The p-values are adjusted by Holm for all the tests of the table."""
+
+
+class Table(pd.DataFrame):
+    """What :func:`harness.compare` returns: a DataFrame that a notebook shows as the command does.
+
+    What is made from it, such as a choice of its columns, is a plain DataFrame.
+    """
+
+    def _repr_html_(self) -> str:
+        from harness.score.rendering import html
+
+        return html(self)
+
+
+def by_domain(table: pd.DataFrame) -> list[pd.DataFrame]:
+    """The parts of a table, one a domain."""
+    return [part for _, part in table.groupby("domain", sort=False)]
