@@ -103,7 +103,7 @@ hides_robot2(::BorderCross{H}) where {H} = H == 1
 moves_needed(m::BorderCross, s::BorderState) =
     abs(s.row1 - s.row2) + (wall_side(m) - s.column1) + (wall_side(m) - s.column2)
 
-"The potential whose change `"potential"` shaping pays."
+"What `shaping = \"potential\"` pays the change of: minus the moves still needed, 0 once the robots have crossed."
 potential(m::BorderCross, s::BorderState) = isterminal(m, s) ? 0 : -moves_needed(m, s)
 
 # --- the POMDPs.jl interface ---
