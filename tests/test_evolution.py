@@ -540,7 +540,7 @@ class TestShippedPrograms:
 
         path = tmp_path / "ge.json"
         path.write_text(harness.registry.program_path("bordercross-7x8", "ge").read_text())
-        with pytest.raises(harness.PolicyError, match="evolved on bordercross-7x8 version 1, another model"):
+        with pytest.raises(harness.PolicyError, match="evolved on bordercross-7x8 version 2, another model"):
             stored_program(path, rocksample)
         path.write_text("{}")
         with pytest.raises(harness.PolicyError, match=r"not a readable best\.json"):

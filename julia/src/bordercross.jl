@@ -32,7 +32,7 @@ Two robots must meet beside a wall and then cooperate to cross it; all they read
 | `noise_scale` | 1 | the reading is round(d + abs(N(0, σ))) with σ = (1 − η)·noise_scale |
 | `max_reading` | 9 | larger readings are capped to it |
 | `discount` | 0.95 | |
-| `shaping` | `"none"` | `"paper"`: +1 after a step in which both robots share a cell, +1 after one in which the acting robot (either, for cooperate) stands in the last free column; `"potential"`: γΦ(s') − Φ(s), Φ = −(moves still needed to meet there) |
+| `shaping` | `"none"` | `"paper"`: +1 after a step in which both robots share a cell, +1 after one in which the acting robot (either, for cooperate) stands in the last free column; `"potential"`: Φ(s') − Φ(s), Φ = −(moves still needed to meet there), 0 once they have crossed |
 
 Actions are the integers 1 to 9 (`action_names` spells them), observations the measured distances 0 to `max_reading`.
 """
@@ -102,6 +102,9 @@ hides_robot2(::BorderCross{H}) where {H} = H == 1
 "Number of moves still needed until both robots share a cell of the last free column."
 moves_needed(m::BorderCross, s::BorderState) =
     abs(s.row1 - s.row2) + (wall_side(m) - s.column1) + (wall_side(m) - s.column2)
+
+"What `shaping = \"potential\"` pays the change of: minus the moves still needed, 0 once the robots have crossed."
+potential(m::BorderCross, s::BorderState) = isterminal(m, s) ? 0 : -moves_needed(m, s)
 
 # --- the POMDPs.jl interface ---
 
@@ -180,9 +183,8 @@ function shaping_bonus(m::BorderCross, s, a, sp)
         isterminal(m, sp) && return 0.0
         acting = a == COOPERATE ? (sp.column1, sp.column2) : a <= 4 ? (sp.column1,) : (sp.column2,)
         return Float64(together(sp)) + Float64(wall_side(m) in acting)
-    elseif m.shaping == "potential"
-        after = isterminal(m, sp) ? 0.0 : -Float64(moves_needed(m, sp))
-        return m.discount * after + moves_needed(m, s)
+    elseif m.shaping == "potential"     # no γ: fitness is undiscounted, and with one every step of waiting earned (1 − γ)·|Φ|
+        return Float64(potential(m, sp) - potential(m, s))
     end
     return 0.0
 end

@@ -29,6 +29,11 @@ const ROCKS_15_15 = [
 
 rocks_on(n, cells) = RockSample([c .+ 1 for c in cells]; columns = n)
 
+const BORDERCROSS_HISTORY = [
+    "1: first release",
+    "2: the potential shaping is Φ(s′) − Φ(s), without γ, as fitness is undiscounted; scores without shaping are as before",
+]
+
 const INSTANCES = [
     Instance(
         "rocksample-7x8", 1, "RockSample(7, 8), the layout of every published result", ["1: first release"],
@@ -43,11 +48,11 @@ const INSTANCES = [
         [SHARED_SOURCES; "rocksample.jl"], () -> rocks_on(15, ROCKS_15_15),
     ),
     Instance(
-        "bordercross-7x8", 1, "BorderCross, both robots start in known cells", ["1: first release"],
+        "bordercross-7x8", 2, "BorderCross, both robots start in known cells", BORDERCROSS_HISTORY,
         [SHARED_SOURCES; "bordercross.jl"], () -> BorderCross(),
     ),
     Instance(
-        "bordercross-7x8-random", 1, "BorderCross, robot 2 starts hidden in columns 1 to 3", ["1: first release"],
+        "bordercross-7x8-random", 2, "BorderCross, robot 2 starts hidden in columns 1 to 3", BORDERCROSS_HISTORY,
         [SHARED_SOURCES; "bordercross.jl"], () -> BorderCross(; start2 = [(r, c) for r in 1:7 for c in 1:3]),
     ),
 ]

@@ -100,22 +100,25 @@ end
     @test reward(paper, BorderState(3, 6, 5, 2), COOPERATE) == 1                    # either, for cooperate
     @test reward(paper, BorderState(3, 6, 3, 6), COOPERATE) == 500                  # the end is not shaped
     @test reward(paper, BorderState(4, 6, 1, 1), named(m, "right(1)")) == -99       # stays at the wall
-    # Potential shaping telescopes: over an episode it adds γ^T Φ(end) − Φ(start), whatever was done.
+    # Potential shaping telescopes: over an episode it adds Φ(end) − Φ(start), undiscounted, whatever was done; waiting pays nothing.
     rng = MersenneTwister(5)
     for _ in 1:20
-        s, extra, weight = rand(rng, states(m)[1:end-1]), 0.0, 1.0
+        s, extra = rand(rng, states(m)[1:end-1]), 0.0
         first = H.moves_needed(m, s)
         for _ in 1:30
             isterminal(m, s) && break
             a = rand(rng, actions(m))
-            extra += weight * (reward(potential, s, a) - reward(m, s, a))
-            weight *= discount(m)
+            extra += reward(potential, s, a) - reward(m, s, a)
             s = next(m, s, a)
         end
         last = isterminal(m, s) ? 0 : H.moves_needed(m, s)
-        @test extra ≈ first - weight * last
+        @test extra == first - last
     end
-    @test H.mdp_bound(potential).discounted ≈ H.mdp_bound(m).discounted + 11 atol = 1e-6
+    @test all(s -> reward(potential, s, COOPERATE) == 0, (s for s in states(m) if !H.can_cross(m, s)))
+    @test reward(potential, BorderState(3, 6, 3, 6), COOPERATE) == 500             # nothing is left to do, before and after
+    # The best plan is twelve steps, each of its eleven moves paid 1; without discount nothing else is worth more.
+    @test H.mdp_bound(potential).undiscounted == 500 + 11
+    @test H.mdp_bound(potential).discounted ≈ 500 * 0.95^11 + (1 - 0.95^11) / 0.05 atol = 1e-6
 end
 
 @testset "parameters" begin
