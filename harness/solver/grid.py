@@ -399,8 +399,8 @@ def _along(
 def robust(b: Branches, tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """(V,) a value that can be had whatever is hidden, and the action that has it, by visible value alone.
 
-    The hidden value is the worst at every step: L(v) = max_a min_x R(v, a, x) + γ Σ Pr(v' given v, a, x) L(v'). Every iterate
-    from below is a lower bound of V*; an action is kept only where its backup raised the value.
+    The hidden value is the worst at every step: L(v) = max_a min_x R(v, a, x) + γ Σ Pr(v' given v, a, x) L(v'). Every
+    iterate from below is a lower bound of V*; an action is kept only where its backup raised the value.
     """
     V, A = b.n_visible, b.n_actions
     lowest = min(0.0, b.reward.min()) / (1.0 - b.discount)
