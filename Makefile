@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: table test check lint format docs notebooks bench fuzz clean
+.PHONY: table test fuzz kills check lint format docs notebooks bench clean
 
 table: $(VENV)/.installed
 	$(BIN)/harness compare rocksample-7x8 --engine tables
@@ -13,6 +13,9 @@ table: $(VENV)/.installed
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
+
+kills: $(VENV)/.installed-dev # SIGKILL and failing disks at everything that writes, each gone on with and compared
+	$(BIN)/python -m tests.kills --strikes 300
 
 check: $(VENV)/.installed
 	$(BIN)/harness check

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from harness.score.rendering import render
     from harness.show.figures import compare_figure, draw_beliefs, draw_episode, draw_layout
     from harness.show.replay import replay
+    from harness.solver.solving import solve
     from harness.tuning import Tunable, sweep, tune
     from harness.tuning.figures import sweep_figure
 
@@ -65,6 +66,7 @@ __all__ = [
     "replay",
     "reproduce",
     "resume",
+    "solve",
     "sweep",
     "sweep_figure",
     "tune",
@@ -102,6 +104,7 @@ _HOME = {
     "replay": "show.replay",
     "reproduce": "reproduction",
     "resume": "ge.runs",
+    "solve": "solver.solving",
     "update_scores": "regression.checking",
     "sweep": "tuning",
     "sweep_figure": "tuning.figures",

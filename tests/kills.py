@@ -23,7 +23,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -86,6 +86,7 @@ def list_scores(folder: Path) -> None:
 
 
 TUNE = ["tune", "rocksample-7x8", "--policy", "belief:0.6", *TABLES, "--set", "episodes=200", "--set", "iterations=25"]
+TUNE += ["--set", "validation_episodes=200", "--set", "final_episodes=200"]
 SWEEP = ["sweep", "rocksample-7x8", "--policy", "belief", *TABLES, "--points", "9", "--episodes", "300"]
 CASES = {
     "evolve": Case(
@@ -101,7 +102,7 @@ CASES = {
         command("evolve", "--resume", "DIR", "--backend", "threading"), "plan.json",
     ),
     "tune": Case(
-        command(*TUNE, "--set", "final_episodes=200", "--out", "DIR"), command("tune", "--resume", "DIR"),
+        command(*TUNE, "--out", "DIR"), command("tune", "--resume", "DIR"),
         "config.json",
     ),
     "sweep": Case(command(*SWEEP, "--out", "DIR"), command("sweep", "--resume", "DIR"), "sweep.json"),
@@ -259,6 +260,7 @@ class Striker:
                 raise SystemExit(f"{self.name}: {folder.with_name('told').read_text()}")
             self.duration = time.monotonic() - began
         self.operations = int(folder.with_name("count").read_text())
+        print(f"{self.name}: {self.duration:.1f} s, {self.operations} operations that may fail", flush=True)
         return contents(folder)
 
     def _new(self) -> Path:
@@ -307,12 +309,6 @@ class Striker:
         print(f"{self.name}: {words}", flush=True)
 
 
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield
-
-
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(CASES)} (default: all)")
@@ -327,9 +323,10 @@ def strike_all() -> int:
     chance = random.Random(options.seed)
     with tempfile.TemporaryDirectory() as folder:
         strikers = [Striker(name, Path(folder), chance) for name in options.cases or CASES]
-        while sum(striker.strikes for striker in strikers) < options.strikes:
-            for striker in strikers:
-                striker.strike()
+        with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C: enough
+            while sum(striker.strikes for striker in strikers) < options.strikes:
+                for striker in strikers:
+                    striker.strike()
     for s in strikers:
         print(
             f"{s.name}: {s.equal} of {s.strikes} kills and faults in {s.tries} tries ended equal ({s.duration:.1f} s)"

@@ -61,9 +61,9 @@ def misuse(capsys, *arguments):
         (["show", "rocksample-7x8", "sarsp"], "did you mean"),
         (["comparre", "rocksample-7x8"], "invalid choice"),
         ([], "required"),
-        (["solve", "rocksample-7x8", "sarsop", "--timeout", "-3"], "'-3' is not a number above 0"),
-        (["solve", "rocksample-7x8", "sarsop", "--precision", "nan"], "'nan' is not a number above 0"),
-        (["solve", "rocksample-7x8", "qmdp", "--timeout", "3"], "timeout is a limit of sarsop and native-sarsop"),
+        (["solve", "rocksample-7x8", "--time", "-3"], "'-3' is not a number above 0"),
+        (["solve", "rocksample-7x8", "--gap", "nan"], "'nan' is not a number above 0"),
+        (["solve", "rocksample-7x8", "--solver", "qmdp", "--time", "3"], "timeout is a limit of sarsop"),
     ],
 )  # fmt: skip
 def test_misuse_gets_one_sentence_and_status_2(capsys, arguments, words):
@@ -89,7 +89,7 @@ def test_julia_without_julia_is_one_sentence(arguments):
 
 @pytest.mark.parametrize(
     "command",
-    [["compare"], ["show", "random"], ["solve", "qmdp"], ["check-domain"], ["policies"], ["tune", "--policy=x"]],
+    [["compare"], ["show", "random"], ["solve"], ["check-domain"], ["policies"], ["tune", "--policy=x"]],
 )
 def test_a_julia_file_without_julia_is_one_sentence_and_imports_no_juliacall(tmp_path, command):
     """Importing juliacall would look for a Julia on the network."""
@@ -165,6 +165,13 @@ def test_show_draws_bordercross(capsys, domain):
     assert "cooperate()" in out
     assert "return 500" in out
     assert out.count("X >") >= 7
+
+
+def test_escape_sequences_of_a_program_do_not_reach_the_terminal(capsys, tmp_path):
+    (tmp_path / "p.txt").write_text("# \x1b]0;title\x07\nright()\n\x1b]0;title\x07")
+    error = misuse(capsys, "show", "rocksample-7x8", f"program:{tmp_path / 'p.txt'}")
+    assert "line 3, column 1: " in error
+    assert error[:-1].isprintable()
 
 
 def test_check_domain_passes(capsys):
@@ -250,6 +257,24 @@ def test_the_words_of_evolutions_parameters_are_those_that_there_are():
     assert tuple(initialisation.METHODS) == parameters.INITIALISATIONS
     assert tuple(operators.CROSSOVERS) == parameters.CROSSOVERS
     assert tuple(operators.MUTATIONS) == parameters.MUTATIONS
+
+
+@pytest.mark.parametrize(
+    ("line", "completed"),
+    [
+        ("harness comp", ["compare "]),
+        ("harness compare --epi", ["--episodes "]),
+        ("harness compare bordercross-7x8-", ["bordercross-7x8-random "]),
+        ("harness solve bordercross-7x8 native", ["native-sarsop "]),
+    ],
+)
+def test_a_shell_completes(tmp_path, line, completed):
+    """Asked as argcomplete's shell function asks."""
+    pytest.importorskip("argcomplete")
+    out = tmp_path / "out"
+    asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": "\n"}
+    run(env={**os.environ, **asked, "_ARGCOMPLETE_STDOUT_FILENAME": str(out)})
+    assert out.read_text().split("\n") == completed
 
 
 def test_the_version_is_the_installed_packages(capsys):

@@ -242,7 +242,7 @@ def test_ctrl_c_with_julia_and_its_threads(tmp_path):
 
 def test_ctrl_c_stops_sarsop_and_keeps_what_it_has(tmp_path, rocksample):
     path = tmp_path / "early.npz"
-    command = [sys.executable, "-u", "-m", "harness", "solve", "rocksample-7x8", "sarsop", "--timeout", "600"]
+    command = [sys.executable, "-u", "-m", "harness", "solve", "rocksample-7x8", "--solver", "sarsop", "--time", "600"]
     with subprocess.Popen(
         [*command, "--out", str(path)],
         stdout=subprocess.PIPE,

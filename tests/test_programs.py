@@ -326,7 +326,7 @@ class TestErrors:
         assert main(["compare", "rocksample-7x8", "--policy", f"program:{path}", "--engine", "tables"]) == 2
         assert f"{path}, line 2, column 1" in capsys.readouterr().err
         assert main(["compare", "rocksample-7x8", "--policy", "program:/no/file"]) == 2
-        assert "cannot read /no/file" in capsys.readouterr().err
+        assert "cannot read '/no/file'" in capsys.readouterr().err
         path.write_text("up()\nright()\n")
         table = harness.compare("rocksample-7x8", [f"program:{path}"], episodes=3, engine="tables")
         assert table["steps_mean"].tolist() == [2]

@@ -212,6 +212,20 @@ class TestPage:
         assert rows[2][3] == "21.39"
         assert rows[4][0] == "mdp (upper bound)"
 
+    @pytest.mark.parametrize("ending", ["csv", "json"])
+    def test_differences_from_one_policy_stand_below(self, tmp_path, ending):
+        table = harness.compare("rocksample-7x8", ["belief", "exit"], against="sarsop", episodes=20, engine="tables")
+        file = tmp_path / f"paired.{ending}"
+        file.write_text(harness.render(table, ending), encoding="utf-8")
+        rows = write(tmp_path / "page", file).rows
+        expected = rendering.differences(table)
+        assert len(expected) == 2
+        assert rows[-3:] == [list(expected), *expected.values.tolist()]
+        spoilt = table.assign(p_value="low")
+        file.write_text(harness.render(spoilt, ending), encoding="utf-8")
+        with pytest.raises(harness.HarnessError, match="a number was expected"):
+            harness.write_report([file], tmp_path / "other")
+
     def test_bounds_are_marked_and_missing_values_have_no_key(self, report_inputs, tmp_path):
         found = write(tmp_path, report_inputs["rocks.csv"])
         assert found.count("tr", **{"class": "bound"}) == 1

@@ -52,6 +52,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     try:
         parser, words = _parser(), sys.argv[1:] if arguments is None else arguments
+        if "_ARGCOMPLETE" in os.environ:  # a shell asks how the line may go on
+            import argcomplete
+
+            argcomplete.autocomplete(parser)
         for word in words:
             if word.startswith("--") and word.endswith("=--"):  # argparse would take that for an empty list
                 parser.error(f"{word[:-3]} needs a value, not '--'")

@@ -15,7 +15,16 @@ def domain_argument(parser: argparse.ArgumentParser, *, resumable: bool = False,
     """The positional argument DOMAIN, which may be left out where a run can be resumed; or several."""
     more = "; may be left out with --resume" if resumable else ""
     text = f"a named domain, a snapshot (.npz) or a Julia file (.jl){more}"
-    parser.add_argument("domain", nargs="?" if resumable else "+" if several else None, metavar="DOMAIN", help=text)
+    nargs = "?" if resumable else "+" if several else None
+    argument = parser.add_argument("domain", nargs=nargs, metavar="DOMAIN", help=text)
+    argument.completer = _domains  # type: ignore[attr-defined]  # where argcomplete looks
+
+
+def _domains(**_: object) -> list[str]:
+    """What a shell may complete DOMAIN to."""
+    from harness import registry
+
+    return registry.names()
 
 
 def episode_arguments(parser: argparse.ArgumentParser, *, episodes: str = "", resumable: bool = False) -> None:

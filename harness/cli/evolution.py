@@ -74,7 +74,7 @@ def _evolve(options: argparse.Namespace) -> None:
                 **given,
             )
     except KeyboardInterrupt:
-        if (folder / "config.json").exists() or any(folder.glob("*/config.json")):
+        if runs.begun(folder):
             own = options.allow_code or Path(options.domain or "").suffix in (".jl", ".npz")
             print(f"stopped; go on with: harness evolve --resume {folder}{' --allow-code' if own else ''}")
         raise

@@ -1,4 +1,4 @@
-"""``julia``, ``export``, ``solve``: what needs a Julia."""
+"""``julia``, ``export``, ``solve``: what needs a Julia, and solving."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 from harness.cli.arguments import domain_argument, positive, positive_number
 from harness.errors import HarnessError
 
+OWN = "solved"
 SOLVERS = ("qmdp", "sarsop", "native-sarsop", "mdp")
 
 
@@ -23,17 +24,22 @@ def register(commands: Any) -> None:
     export.add_argument("--out", type=Path, metavar="FOLDER", help="default: the package's own snapshots")
     export.set_defaults(run=_export)
 
-    solve = commands.add_parser("solve", help="solve a domain in Julia")
+    solve = commands.add_parser(
+        "solve", help="find bounds of what there is to earn, and a policy that earns the lower one"
+    )
     domain_argument(solve)
-    solve.add_argument("solver", metavar="SOLVER", choices=SOLVERS, help=", ".join(SOLVERS))
     solve.add_argument(
-        "--timeout", type=positive_number, metavar="S", help="seconds of sarsop or native-sarsop (default 600)"
-    )
+        "--solver", metavar="NAME", choices=(OWN, *SOLVERS), default=OWN,
+        help=f"{OWN} (default; needs no Julia), or in Julia {', '.join(SOLVERS)}",
+    )  # fmt: skip
+    solve.add_argument("--gap", type=positive_number, metavar="X", help="end when the bounds are this close (0.01)")
+    solve.add_argument("--time", type=positive_number, metavar="S", help="end after so many seconds (in Julia 600)")
+    solve.add_argument("--memory", type=positive_number, metavar="GB", help=f"the most that {OWN} may take (2)")
     solve.add_argument(
-        "--precision", type=positive_number, metavar="P", help="stop when the bounds are this close (default 0.001)"
-    )
-    solve.add_argument(
-        "--keep-used", type=positive, metavar="N", help="keep only the vectors that N simulated episodes act by"
+        "--keep-used",
+        type=positive,
+        metavar="N",
+        help="in Julia: keep the vectors that N simulated episodes act by",
     )
     solve.add_argument("--out", type=Path, metavar="FILE", help="default: DOMAIN.SOLVER.npz here")
     solve.set_defaults(run=_solve)
@@ -66,6 +72,37 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _solve(options: argparse.Namespace) -> None:
+    if options.solver == OWN:
+        _solve_here(options)
+    else:
+        _solve_in_julia(options)
+
+
+def _solve_here(options: argparse.Namespace) -> None:
+    from tqdm import tqdm
+
+    from harness.solver import solution as solutions
+    from harness.solver import solving
+
+    if options.keep_used:
+        raise HarnessError(f"--keep-used is of the solvers in Julia; {OWN} has no alpha vectors")
+    limits = {"gap": options.gap, "memory": options.memory}
+    with tqdm(desc=f"solving {options.domain}", bar_format="{desc} {elapsed} {postfix}", disable=None) as bar:
+        bar.set_postfix_str("compiling, where this is the first time")
+
+        def watch(seconds: float, lower: float, upper: float) -> None:
+            bar.set_postfix_str(f"lower {lower:.4f} upper {upper:.4f}")
+
+        given = {name: value for name, value in limits.items() if value is not None}
+        solved = solving.solve(options.domain, seconds=options.time, watch=watch, **given)
+    path = options.out or Path(f"{solved.domain.name}.{OWN}.npz")
+    solutions.save(path, solved.domain, solved.solution)
+    seconds = solved.history["seconds"].iloc[-1]
+    print(f"{path}: lower {solved.lower:.6g}, upper {solved.upper:.6g}, {seconds:.1f} seconds; ended {solved.stopped}")
+    print(f"score it: harness compare {options.domain} --policy graph:{path}")
+
+
+def _solve_in_julia(options: argparse.Namespace) -> None:
     from harness import registry
     from harness.play.trimming import only_used
     from harness.solver import julia
@@ -74,7 +111,10 @@ def _solve(options: argparse.Namespace) -> None:
     if options.keep_used and options.solver == "mdp":
         raise HarnessError("mdp is a bound and has no alpha vectors to keep")
     domain = registry.load(options.domain)
-    limits = {name: value for name in ("timeout", "precision") if (value := getattr(options, name)) is not None}
+    if options.memory is not None:
+        raise HarnessError(f"--memory is of the solver {OWN}; the solvers in Julia have none")
+    given = {"timeout": options.time, "precision": options.gap}
+    limits = {name: value for name, value in given.items() if value is not None}
     solution = julia.solve(domain, options.solver, limits)
     if options.keep_used:
         solution = only_used(domain, solution, options.keep_used)

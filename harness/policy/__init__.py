@@ -12,6 +12,7 @@ from harness.model.domain import Domain
 from harness.policy import own
 from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
+from harness.policy.graph import PolicyGraph
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
 from harness.policy.program import ProgramPolicy, stored_program
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
@@ -19,7 +20,7 @@ from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
 from harness.policy.thresholds import ThresholdsPolicy
 from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
-from harness.solver.solution import read
+from harness.solver.solution import GRAPH_KIND, read
 
 __all__ = ["Policy", "check_from_data", "default_specs", "make", "make_from_data", "named", "specs"]
 
@@ -27,6 +28,8 @@ MOST_SIMULATIONS = 1_000_000
 """What ``rollout`` simulates of each action at most: a step then takes minutes, in which no Ctrl-C is heard."""
 
 SOLVED = ("qmdp", "sarsop", "native-sarsop")
+OWN = "solved"
+"""By the harness's own solver."""
 EVOLVED = {"ge": "evolved by the paper's grammar", "ge-feedback": "evolved by a grammar with feedback"}
 """Programs of our own runs, kept with the package where there is one for a domain."""
 
@@ -92,12 +95,28 @@ def _solved(word: str) -> Callable[[Domain, str], Policy]:
         path = registry.policy_path(domain.name, word)
         if not path.exists():
             raise PolicyError(
-                f"no {word} policy is stored for {domain.name}; solve it (harness solve {domain.name} {word}) "
+                f"no {word} policy is stored for {domain.name}; solve it (harness solve {domain.name} --solver {word}) "
                 f"and name the file: alpha:FILE"
             )
         return AlphaVectorPolicy(domain, read(path, domain))
 
     return build
+
+
+def _stored_graph(domain: Domain, _: str) -> Policy:
+    path = registry.policy_path(domain.name, OWN)
+    if not path.exists():
+        raise PolicyError(
+            f"no solution is stored for {domain.name}; solve it (harness solve {domain.name}) and name the file: "
+            "graph:FILE"
+        )
+    return PolicyGraph(domain, read(path, domain, GRAPH_KIND))
+
+
+def _graph(domain: Domain, text: str) -> Policy:
+    if not text:
+        raise PolicyError("graph needs a file: graph:FILE, as written by `harness solve`")
+    return PolicyGraph(domain, read(Path(text), domain, GRAPH_KIND))
 
 
 def _evolved(word: str) -> Callable[[Domain, str], Policy]:
@@ -141,17 +160,21 @@ _KINDS = (
     ),
     *(_Kind(word, what, _evolved(word)) for word, what in EVOLVED.items()),
     *(_Kind(word, f"alpha vectors solved by {word} in Julia", _solved(word)) for word in SOLVED),
-    _Kind("alpha", "alpha vectors of a file written by harness solve", _from_file, needs_file=True),
+    _Kind(OWN, "what earns the lower bound of harness solve", _stored_graph),
+    _Kind("alpha", "alpha vectors of a file written by harness solve --solver", _from_file, needs_file=True),
+    _Kind("graph", "a policy graph of a file written by harness solve", _graph, needs_file=True),
     _Kind("program", "a script in the program language", _program, needs_file=True),
 )
 
 
 def _usable(domain: Domain) -> list[_Kind]:
     """The kinds that mean something on a domain; solved and evolved ones where there is one with the package."""
-    kept = [word for word in SOLVED if registry.policy_path(domain.name, word).exists()]
+    kept = [word for word in (*SOLVED, OWN) if registry.policy_path(domain.name, word).exists()]
     kept += [word for word in EVOLVED if registry.program_path(domain.name, word).exists()]
     return [
-        kind for kind in _KINDS if kind.suits(domain) and (kind.word in kept or kind.word not in (*SOLVED, *EVOLVED))
+        kind
+        for kind in _KINDS
+        if kind.suits(domain) and (kind.word in kept or kind.word not in (*SOLVED, OWN, *EVOLVED))
     ]
 
 

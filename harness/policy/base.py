@@ -20,8 +20,8 @@ class Policy(Protocol):
 
     Every batch of episodes is played by a copy of its own (:func:`fresh`), so that batches can run at the same time and
     the object given stays as it was. What a policy remembers of its episodes must be made anew in :meth:`reset`, as
-    arrays with one row an episode, and random choices come from :meth:`harness.engine.batch.Batch.uniform`: a
-    generator of the policy's own would start again in every batch. :func:`harness.check_policy` finds what is missing.
+    arrays with one row an episode, and random choices come from :meth:`harness.engine.batch.Batch.uniform`: a generator
+    of the policy's own would start again in every batch. :func:`harness.check_policy` finds what is missing.
 
     A policy that cannot be deep-copied, or not cheaply, may have a method ``clone()`` that returns an independent copy
     and leaves the policy as it is.

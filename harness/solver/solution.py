@@ -17,13 +17,14 @@ from harness.model.validation import LARGEST_REWARD, LARGEST_WHOLE, faulty, is_n
 
 KIND = "alpha-vectors"
 BOUND_KIND = "bound"
+GRAPH_KIND = "policy-graph"
 _BOUND_NUMBERS = ("discounted", "undiscounted", "horizon")
 _MEND = "solve it again (harness solve)"
 
 
 @dataclass(frozen=True)
 class Solution:
-    """A solved policy or bound as stored: what the solver said, and its alpha vectors (none for a bound)."""
+    """A solved policy or bound as stored: what the solver said, and alpha vectors or a policy graph, or none."""
 
     record: Mapping[str, Any]
     arrays: Mapping[str, NDArray[Any]]
@@ -37,8 +38,13 @@ def save(path: Path, domain: Domain, solution: Solution) -> None:
         "model_hash": domain.model_hash,
         "provenance": dict(domain.provenance),
     }
-    kind = KIND if solution.arrays else BOUND_KIND
-    archive.write(path, kind, {**about, **solution.record}, solution.arrays)
+    archive.write(path, _kind(solution), {**about, **solution.record}, solution.arrays)
+
+
+def _kind(solution: Solution) -> str:
+    if not solution.arrays:
+        return BOUND_KIND
+    return GRAPH_KIND if "edge_node" in solution.arrays else KIND
 
 
 def read(path: Path, domain: Domain, kind: str = KIND) -> Solution:
@@ -55,8 +61,8 @@ def read(path: Path, domain: Domain, kind: str = KIND) -> Solution:
             f"{record['model_hash'][:12]}…), not for {domain.name} version {domain.version} as it is now "
             f"({domain.model_hash[:12]}…); {_MEND}"
         )
-    if kind == KIND:
-        _refuse(path, _vector_breaches(arrays, domain))
+    if kind in _BREACHES:
+        _refuse(path, _BREACHES[kind](arrays, domain))
     return Solution(record, arrays)
 
 
@@ -91,3 +97,28 @@ def _vector_breaches(arrays: Mapping[str, NDArray[Any]], domain: Domain) -> Iter
     yield from outside("visible", arrays["visible"], 0, domain.n_visible)
     yield from outside("actions", arrays["actions"], 0, domain.n_actions)
     yield from faulty("values", ~(np.abs(arrays["values"]) <= LARGEST_REWARD), "is not a finite number")
+
+
+def _graph_breaches(arrays: Mapping[str, NDArray[Any]], domain: Domain) -> Iterator[str]:
+    """A policy graph (:mod:`harness.solver.graph`) whose indices are its own and the domain's."""
+    for name in ("action", "first", "edge_visible", "edge_reading", "edge_node", "fallback"):
+        if name not in arrays or arrays[name].dtype not in ("i2", "i4", "i8") or arrays[name].ndim != 1:
+            yield f"the array {name} is missing, not in one dimension or of another type"
+            return
+    nodes, edges = len(arrays["action"]), len(arrays["edge_node"])
+    sizes = {"first": nodes + 1, "edge_visible": edges, "edge_reading": edges, "fallback": domain.n_visible}
+    for name, size in sizes.items():
+        if nodes < 1 or len(arrays[name]) != size:
+            yield f"{name} has {len(arrays[name])} entries, needed are {size}, and one node at least"
+            return
+    first = arrays["first"].astype(np.int64)
+    if first[0] != 0 or first[-1] != edges or (np.diff(first) < 0).any():
+        yield f"first does not rise from 0 to the {edges} edges"
+    yield from outside("action", arrays["action"], -1, domain.n_actions)
+    yield from outside("edge_node", arrays["edge_node"], 0, nodes)
+    yield from outside("edge_visible", arrays["edge_visible"], 0, domain.n_visible)
+    yield from outside("edge_reading", arrays["edge_reading"], -1, domain.n_observations)
+    yield from outside("fallback", arrays["fallback"], 0, domain.n_actions)
+
+
+_BREACHES = {KIND: _vector_breaches, GRAPH_KIND: _graph_breaches}

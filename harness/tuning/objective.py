@@ -45,7 +45,7 @@ class Episodes:
     engine: str = "auto"
     workers: int | None = None
     range: int = rng.TRAINING
-    """Of seeds: what is added to :attr:`seed`."""
+    """Of seeds: what is added to ``seed``."""
 
     def __call__(self, ask: Ask) -> NDArray[np.float64]:
         """(n, episodes) returns by :attr:`measure`, as the domain's shaping pays them."""

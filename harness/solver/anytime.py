@@ -1,0 +1,207 @@
+"""The solver's course of work: a grid, trials on it, a finer grid, more trials, until the bounds are as close as asked.
+
+The work is cut by its amount, not by the clock: about as much is spent on trials as the grid cost, then the grid is
+given four times the cells. So the bounds after so many blocks are the same on any machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import HarnessError
+from harness.model.domain import Domain
+from harness.solver import grid, refining, search
+from harness.solver import levels as level_sets
+from harness.solver.branches import Branches, branches_of
+from harness.solver.grid import Above
+from harness.solver.levels import Levels
+from harness.solver.search import N_EDGES, N_NODES, TRIALS, Graph, Model
+
+_FIRST_CELLS = 10_000
+_GROWTH = 4
+_SWEEPS = 40
+_STILL = 0.01
+"""A grid is swept until no value falls by more than this share of the bounds' gap at the start."""
+_VALUES_A_NODE = 1000
+"""Backups of the grid that cost as much as a node of the search; measured, roughly."""
+_BLOCK = 2_000_000  # grid values in one call of compiled code: about a second, so that Ctrl-C is heard
+
+
+@dataclass(frozen=True)
+class Course:
+    """Where the work stands; what follows depends on nothing else."""
+
+    domain: Domain
+    branches: Branches
+    floor: NDArray[np.float64]
+    """(V,) what can be had whatever is hidden"""
+    floor_action: NDArray[np.int32]
+    """(V,) by which action"""
+    levels: Levels
+    value: NDArray[np.float32]
+    """(cells, V) the grid"""
+    graph: Graph
+    stage: int
+    """Grids so far"""
+    sweeps: int
+    """Of this grid"""
+    moved: NDArray[np.bool_]
+    """(cells,) which cells fell in the last sweep"""
+    still: bool
+    """Whether this grid has come to a standstill"""
+    quota: int
+    """Nodes that trials may still make before the grid is refined"""
+
+    @property
+    def lower(self) -> float:
+        """Lower bound of the optimal value at the start."""
+        return float(self.graph.lower[0])
+
+    @property
+    def upper(self) -> float:
+        """Upper bound of the optimal value at the start."""
+        return float(self.graph.upper[0])
+
+    @property
+    def memory(self) -> int:
+        """Bytes of the grid and the graph."""
+        return int(self.value.nbytes + sum(array.nbytes for array in self.graph))
+
+    @property
+    def model(self) -> Model:
+        """As the search takes it."""
+        above = Above(self.value, self.levels.offset, self.levels.point, self.levels.stride)
+        span = np.abs(self.branches.reward).max() / (1.0 - self.branches.discount)
+        return Model(self.branches, above, self.floor, 1e-11 * (1.0 + float(span)))
+
+
+def begin(domain: Domain) -> Course:
+    """The coarsest grid: all factors observed.
+
+    Raises:
+        HarnessError: the domain cannot be solved this way.
+    """
+    if not 0 < domain.discount < 1:
+        raise HarnessError(f"{domain.name} has discount {domain.discount:g}; solving needs one between 0 and 1")
+    b = branches_of(domain)
+    floor, action = grid.robust(b, 1e-9)
+    levels = level_sets.make(level_sets.corners(domain.factor_sizes))
+    terminal = domain.arrays["terminal"]
+    value = np.empty((levels.cells, domain.n_visible), dtype=np.float32)
+    value[:] = np.nextafter(np.float32(max(0.0, b.reward.max()) / (1.0 - b.discount)), np.float32(np.inf))
+    value[:, terminal] = 0.0
+    graph = search.empty(b, 20_000, 100_000)
+    course = Course(
+        domain, b, floor, action, levels, value, graph, 0, 0, np.ones(levels.cells, dtype=np.bool_), False, 0
+    )
+    starts = roots(domain)
+    if len(starts) > 1:
+        raise HarnessError(f"{domain.name} starts in {len(starts)} visible values or readings; one is needed")
+    search.node_of(graph, course.model, *starts[0])
+    return course
+
+
+def roots(domain: Domain) -> list[tuple[int, NDArray[np.float64]]]:
+    """Visible values and beliefs (N,) that episodes can start in."""
+    return [
+        (int(v), row.copy())
+        for v, row in zip(domain.arrays["prior_visible"], domain.arrays["prior_marginals"], strict=True)
+    ]
+
+
+def blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:
+    """Work on until the bounds are within ``gap`` or nothing is left to do; yields after about a second's work.
+
+    ``memory``: bytes that the grid and the graph may take.
+    """
+    while course.upper - course.lower > gap:
+        if not course.still:
+            course = _swept(course)
+        elif course.quota > 0:
+            made = course.graph.counts[N_NODES]
+            course = _tried(course, gap, memory)
+            if course.graph.counts[N_NODES] == made and course.upper - course.lower > gap:
+                course = replace(course, quota=0)
+        else:
+            finer = _finer(course, memory)
+            if finer is None:
+                made = course.graph.counts[TRIALS]
+                course = _tried(course, gap, memory)
+                if course.graph.counts[TRIALS] == made:
+                    return
+            else:
+                course = finer
+        yield course
+
+
+def _swept(course: Course) -> Course:
+    """One sweep of the grid."""
+    enough = _STILL * (course.upper - course.lower)
+    moving = np.zeros(course.levels.cells, dtype=np.bool_)
+    moves = grid.backups(course.branches, course.levels, course.floor)
+    step = max(1, _BLOCK // course.value.shape[1])
+    backward, fall = course.sweeps % 2 == 1, 0.0
+    parts = [(low, min(low + step, course.levels.cells)) for low in range(0, course.levels.cells, step)]
+    for low, high in reversed(parts) if backward else parts:
+        fell = grid.sweep(
+            course.value,
+            moves,
+            course.levels.offset,
+            course.levels.stride,
+            course.floor,
+            course.branches.discount,
+            backward,
+            low,
+            high,
+            course.moved,
+            moving,
+            0.1 * enough,
+        )
+        fall = max(fall, fell)
+    sweeps = course.sweeps + 1
+    still = fall <= enough or (sweeps >= _SWEEPS and course.stage > 0)
+    if still:
+        search.refresh(course.graph, course.model)
+    quota = max(2000, course.value.size * sweeps // _VALUES_A_NODE) if still and course.stage > 0 else 0
+    return replace(course, sweeps=sweeps, still=still, quota=quota, moved=moving)
+
+
+def _tried(course: Course, gap: float, memory: int) -> Course:
+    """Trials for about a second, with more room if they need it."""
+    graph = course.graph
+    made = int(graph.counts[N_NODES])
+    search.trials(graph, course.model, gap, 200)
+    room = min(len(graph.visible) - graph.counts[N_NODES], len(graph.child) - graph.counts[N_EDGES])
+    if room < search.room(course.branches):
+        larger = search.grown(graph, course.branches, 2 * len(graph.visible), 2 * len(graph.child))
+        if course.value.nbytes + sum(array.nbytes for array in larger) <= memory:
+            graph = larger
+    return replace(course, graph=graph, quota=course.quota - (int(graph.counts[N_NODES]) - made))
+
+
+def _finer(course: Course, memory: int) -> Course | None:
+    """The same with more levels; None where there is no room for them, or nothing calls for them."""
+    old, n_visible = course.levels, course.branches.n_visible
+    affordable = (memory - course.memory) // (2 * 4 * n_visible)  # the old grid stays while the new one is filled
+    most = min(max(_FIRST_CELLS, _GROWTH * old.cells), affordable)
+    if course.stage == 0:
+        points = refining.with_priors(course.branches, course.model.above, course.graph, most)
+    else:
+        points = refining.refined(course.graph, course.model, old, most, course.stage)
+    levels = level_sets.make(points)
+    if levels.cells == old.cells and course.stage > 0:
+        return None
+    value = grid.finer(course.value, old, levels, course.domain.factor_sizes)
+    return replace(
+        course,
+        levels=levels,
+        value=value,
+        stage=course.stage + 1,
+        sweeps=0,
+        still=False,
+        moved=np.ones(levels.cells, dtype=np.bool_),
+    )

@@ -1,0 +1,189 @@
+"""Small domains as arrays, written here without Julia, and the value of one by brute force over all histories."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from harness.model import domain as domains
+
+
+class Builder:
+    """Collects rows of a factored domain in the order of ``julia/src/tables.jl``."""
+
+    def __init__(self, sizes, n_actions, n_observations):
+        self.sizes, self.n_actions, self.n_observations = sizes, n_actions, n_observations
+        self.first_row, self.factor, self.row_outcomes = [], [], [0]
+        self.outcomes, self.readings = [], []
+
+    def choice(self, factor, rows):
+        """``rows``: for each value of the factor a list of (visible, value, probability, reading, reward)."""
+        self.first_row.append(len(self.row_outcomes) - 1)
+        self.factor.append(factor)
+        for row in rows:
+            self.outcomes += row
+            self.row_outcomes.append(len(self.outcomes))
+
+    def end(self):
+        self.first_row += [-1] * self.n_actions
+        self.factor += [-1] * self.n_actions
+
+    def reading(self, probabilities):
+        probabilities = [float(p) for p in probabilities]
+        if probabilities not in self.readings:
+            self.readings.append(probabilities)
+        return self.readings.index(probabilities)
+
+    def domain(self, name, discount, terminal, start, prior):
+        columns = list(zip(*self.outcomes, strict=True))
+        probability = np.array(columns[2])
+        cdf = np.concatenate([np.cumsum(probability[a:b]) for a, b in itertools.pairwise(self.row_outcomes)])
+        starts = list(itertools.product(*(range(n) for n in self.sizes)))
+        weights = [np.prod([prior[k][x] for k, x in enumerate(values)]) for values in starts]
+        kept = [i for i, weight in enumerate(weights) if weight > 0]
+        readings = np.array(self.readings)
+        arrays = {
+            "first_row": self.first_row,
+            "factor": self.factor,
+            "terminal": terminal,
+            "legal": [True] * (len(self.row_outcomes) - 1),
+            "row_outcomes": self.row_outcomes,
+            "outcome_visible": columns[0],
+            "outcome_value": columns[1],
+            "outcome_probability": probability,
+            "outcome_cdf": cdf,
+            "outcome_observation": columns[3],
+            "outcome_reward": [columns[4]],
+            "observation_probability": readings,
+            "observation_cdf": np.cumsum(readings, axis=1),
+            "start_visible": [start] * len(kept),
+            "start_values": np.array([starts[i] for i in kept]).reshape(len(kept), len(self.sizes)),
+            "start_cdf": np.cumsum([weights[i] for i in kept]),
+            "start_observation": [-1] * len(kept),
+            "prior_visible": [start],
+            "prior_marginals": [[p for factor in prior for p in factor]],
+            "prior_factor": [-1],
+            "prior_observation": [[-1] * max(self.sizes, default=1)],
+            "visible_values": np.arange(len(terminal)).reshape(-1, 1),
+        }
+        record = {
+            "name": name,
+            "version": 1,
+            "title": name,
+            "discount": discount,
+            "states": len(terminal) * int(np.prod(self.sizes)),
+            "actions": [f"a{i}()" for i in range(self.n_actions)],
+            "observations": [f"o{i}" for i in range(self.n_observations)],
+            "visible": ["v"],
+            "factors": [f"x{k}" for k in range(len(self.sizes))],
+            "factor_labels": [[str(x) for x in range(n)] for n in self.sizes],
+            "features": [[f"x{k}", k, n - 1] for k, n in enumerate(self.sizes)],
+            "shapings": ["none"],
+            "layout": {"kind": "none"},
+            "provenance": {"versions": {}},
+        }
+        return domains.from_export(record, {name: np.asarray(array) for name, array in arrays.items()})
+
+
+def rocksample(n, rocks, start, discount=0.95, d0=20.0, illegal=-100.0):
+    """RockSample(n, k) by SPEC's rules: 0-based rocks (column, row), actions up right down left sample check…"""
+    k = len(rocks)
+    b = Builder([2] * k, 5 + k, 3)
+    none = b.reading([1, 0, 0])
+    cells = [(x, y) for x in range(n) for y in range(n)]
+    number = {cell: i for i, cell in enumerate(cells)}
+    exit_ = len(cells)
+    for x, y in cells:
+        v = number[x, y]
+        for dx, dy in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+            if x + dx == n:
+                b.choice(-1, [[(exit_, 0, 1.0, none, 10.0)]])
+            elif (x + dx, y + dy) in number:
+                b.choice(-1, [[(number[x + dx, y + dy], 0, 1.0, none, 0.0)]])
+            else:
+                b.choice(-1, [[(v, 0, 1.0, none, illegal)]])
+        if (x, y) in rocks:
+            b.choice(rocks.index((x, y)), [[(v, 0, 1.0, none, -10.0)], [(v, 0, 1.0, none, 10.0)]])
+        else:
+            b.choice(-1, [[(v, 0, 1.0, none, 0.0)]])
+        for i, (rx, ry) in enumerate(rocks):
+            right = 0.5 + 0.5 * 2.0 ** (-np.hypot(x - rx, y - ry) / d0)
+            good, bad = b.reading([0, right, 1 - right]), b.reading([0, 1 - right, right])
+            b.choice(i, [[(v, 0, 1.0, bad, 0.0)], [(v, 1, 1.0, good, 0.0)]])
+    b.end()
+    return b.domain(f"rocksample-{n}x{k}", discount, [False] * exit_ + [True], number[start], [[0.5, 0.5]] * k)
+
+
+def tiger():
+    """Cassandra's Tiger: listen, open left, open right; γ = 0.95."""
+    b = Builder([2], 3, 2)
+    left, right, nothing = b.reading([0.85, 0.15]), b.reading([0.15, 0.85]), b.reading([0.5, 0.5])
+    b.choice(0, [[(0, 0, 1.0, left, -1.0)], [(0, 1, 1.0, right, -1.0)]])
+    for door in (0, 1):
+        paid = [-100.0 if tiger == door else 10.0 for tiger in (0, 1)]
+        b.choice(0, [[(0, 0, 0.5, nothing, paid[t]), (0, 1, 0.5, nothing, paid[t])] for t in (0, 1)])
+    return b.domain("tiger", 0.95, [False], 0, [[0.5, 0.5]])
+
+
+def random_domain(rng, sizes, n_visible, n_actions, n_observations, discount):
+    """Anything that the tables can say: random moves, factors that change, readings that are never sure; an end."""
+    b = Builder(sizes, n_actions, n_observations)
+    readings = [b.reading(rng.dirichlet(np.ones(n_observations))) for _ in range(4)]
+    for _ in range(n_visible):
+        for _ in range(n_actions):
+            factor = int(rng.integers(-1, len(sizes)))
+            rows = []
+            for _ in range(1 if factor < 0 else sizes[factor]):
+                ways = int(rng.integers(1, 4))
+                share = rng.dirichlet(np.ones(ways))
+                values = [0] * ways if factor < 0 else rng.integers(0, sizes[factor], ways)
+                visible, drawn = rng.integers(0, n_visible + 1, ways), rng.choice(readings, ways)
+                paid = rng.normal(0, 1, ways).round(2)
+                rows.append(
+                    [
+                        (int(visible[i]), int(values[i]), float(share[i]), int(drawn[i]), float(paid[i]))
+                        for i in range(ways)
+                    ]
+                )
+            b.choice(factor, rows)
+    b.end()
+    prior = [rng.dirichlet(np.ones(n)).tolist() for n in sizes]
+    return b.domain("random", discount, [False] * n_visible + [True], 0, prior)
+
+
+def brute_force(domain, depth):
+    """The best expected discounted reward of ``depth`` steps, by recursion over all actions and readings.
+
+    The belief is a dictionary over (visible, all factors' values): nothing of how the solver sees it.
+    """
+    t = domain.arrays
+    starts = np.diff(t["start_cdf"], prepend=0)
+    belief = {
+        (int(v), tuple(map(int, values))): p
+        for v, values, p in zip(t["start_visible"], t["start_values"], starts, strict=True)
+    }
+    return _best(domain, belief, depth)
+
+
+def _best(d, belief, depth):
+    if depth == 0 or not belief:
+        return 0.0
+    t, values = d.arrays, []
+    for a in range(d.n_actions):
+        total, after = 0.0, {}
+        for (v, hidden), p in belief.items():
+            k, row = t["factor"][v * d.n_actions + a], t["first_row"][v * d.n_actions + a]
+            row += 0 if k < 0 else hidden[k]
+            for j in range(t["row_outcomes"][row], t["row_outcomes"][row + 1]):
+                q = p * t["outcome_probability"][j]
+                total += q * t["outcome_reward"][0][j]
+                vp = int(t["outcome_visible"][j])
+                if not t["terminal"][vp]:
+                    new = hidden if k < 0 else (*hidden[:k], int(t["outcome_value"][j]), *hidden[k + 1 :])
+                    for o, z in enumerate(t["observation_probability"][t["outcome_observation"][j]]):
+                        if z > 0:
+                            branch = after.setdefault((vp, o), {})
+                            branch[vp, new] = branch.get((vp, new), 0.0) + q * z
+        values.append(total + d.discount * sum(_best(d, branch, depth - 1) for branch in after.values()))
+    return max(values)
