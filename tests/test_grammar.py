@@ -162,6 +162,12 @@ class TestInitialisation:
         assert derive(grammar, np.array([1] * 300 + [0], dtype=np.int32)).phenotype is None
         assert derive(grammar, np.array([1, 0], dtype=np.int32)).phenotype == "y " * 4096 + "x"
 
+    def test_a_production_longer_than_the_codons_stays_within_its_arrays(self):
+        """It was written past the end of the stack, which ended Python sooner or later."""
+        grammar = bnf.parse("<code> ::= <op> " + "<op> " * 5000 + "\n<op> ::= up() | down()")
+        for _ in range(20):
+            assert derive(grammar, np.zeros(1, dtype=np.int32), 6000).phenotype == " ".join(["up()"] * 5001)
+
     def test_a_phenotype_of_long_terminals_is_invalid(self):
         grammar = bnf.parse(f"<a> ::= {'x' * 500_000} <a> | y")
         assert derive(grammar, np.zeros(30, dtype=np.int32)).phenotype is None

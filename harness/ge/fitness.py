@@ -20,6 +20,8 @@ from harness.play import population
 from harness.play.population import Episodes
 from harness.program import NestingError, Program, ProgramError, Words, parse, words_of
 
+_MOST_CHECKED = 2_000_000  # characters of sentences that are parsed to see whether a grammar speaks the language
+
 
 class ProgramFitness:
     """Fitness of program texts; each generation has episodes of its own, the same for all its programs."""
@@ -70,6 +72,8 @@ class ProgramFitness:
 def check_language(grammar: Grammar, words: Words) -> None:
     """Make sure that the grammar's sentences are programs: a few for each of its productions are parsed.
 
+    Of a grammar whose sentences are very long, as many as have two million characters.
+
     Raises:
         GrammarError: one is not; the message names the production's line.
     """
@@ -77,6 +81,7 @@ def check_language(grammar: Grammar, words: Words) -> None:
     least = grammar.arrays.depth
     deepest = int(least.max())
     simple_first = np.argsort(least, kind="stable").tolist()  # so that the message names the production at fault
+    left = _MOST_CHECKED
     for depth in (1, deepest + 2, deepest + 6):
         around = _surroundings(grammar, depth, generator)
         for number in simple_first:
@@ -90,6 +95,9 @@ def check_language(grammar: Grammar, words: Words) -> None:
                     f"{grammar.source}, line {production.line}: a sentence of the grammar, "
                     f"{quoted(text)}, is no program of {words.domain.name} ({error})"
                 ) from None
+            left -= len(text)
+            if left < 0:
+                return
 
 
 def _surroundings(grammar: Grammar, depth: int, generator: np.random.Generator) -> dict[int, tuple[str, str]]:

@@ -82,6 +82,11 @@ class Grammar:
         )
 
     @cached_property
+    def longest(self) -> int:
+        """Symbols of the longest production."""
+        return max(len(p.symbols) for p in self.productions)
+
+    @cached_property
     def lists(self) -> dict[int, list[int]]:
         """Of each rule that is a list, such as <a> ::= <b> | <a> <b>: the productions that hold the rule itself."""
         found: dict[int, list[int]] = {}

@@ -38,7 +38,7 @@ class Derivation(NamedTuple):
 
 def derive(grammar: Grammar, codons: Codons, max_wraps: int = 0, start: int = 0) -> Derivation:
     """Map codons (any number of whole numbers, 0 and up) to a sentence of the grammar, or of one of its rules."""
-    room = 8 * len(codons) + 128
+    room = 8 * len(codons) + 2 * grammar.longest + 128
     while True:
         stack, terminals = np.empty(room, dtype=np.int32), np.empty(room, dtype=np.int32)
         nodes = np.empty((room, 3), dtype=np.int32)
@@ -79,7 +79,7 @@ def _derive(
     longest = 1
     for i in range(len(production_first) - 1):
         longest = max(longest, production_first[i + 1] - production_first[i])
-    room = len(stack) - longest - 2  # what one round may add
+    room = len(stack) - longest - 2  # before what one round may add; derive sees to it that there is some
     stack[0], height = start, 1
     n_terminals, n_nodes, used, depth, open_nodes = 0, 0, 0, 0, 0
     status = _DONE

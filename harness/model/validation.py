@@ -111,7 +111,8 @@ def breaches(domain: Domain) -> Iterator[str]:
     """What is wrong with a domain, each with the array and the place; of the arrays, only as far as it can be said."""
     yield from _name_breaches(domain)
     for check in (_shape_breaches, _factor_breaches, _row_breaches, _index_breaches, _content_breaches):
-        found = list(check(domain))
+        with np.errstate(invalid="ignore", over="ignore"):  # what is no number is found by what it is not
+            found = list(check(domain))
         yield from found
         if found:  # what comes next would only fail in stranger ways
             return

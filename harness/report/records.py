@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -104,11 +103,14 @@ def record(path: Path, needed: Sequence[str] = ()) -> dict[str, Any]:
     return found
 
 
+_MOST = 1e300  # compared with, not converted to: a whole number may be too long for that
+
+
 def check_numbers(found: Mapping[str, Any], path: Path, names: Iterable[str]) -> None:
     """Check that there are finite numbers under all names."""
     for name in names:
         value = found.get(name)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not -_MOST < value < _MOST:
             raise HarnessError(f"{path}: {name} must be a number, not {quoted(value)}; write the file again")
 
 
