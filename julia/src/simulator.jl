@@ -79,7 +79,7 @@ function Simulator(m::POMDP{S}, buffers::NamedTuple) where {S}
         throw(DimensionMismatch("the buffers of a simulator need one row an episode: $(map(size, buffers))"))
     d = initialstate(m)
     outcomes = sorted_outcomes(d, s -> stateindex(m, s))
-    starts = first.(outcomes)
+    starts = S[first(outcome) for outcome in outcomes]
     longest = maximum(factor_sizes(m); init = 1)
     return Simulator(
         m, starts, accumulate(+, last.(outcomes)), visible_priors(m, d),
