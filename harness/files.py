@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 
 _NAME = 60  # characters of a file's name in that of its temporary neighbour: file systems end names at 255 bytes
 
@@ -100,9 +100,9 @@ def read_source(path: Path, kind: type[HarnessError] = HarnessError) -> str:
             raise kind(f"cannot read {path}: it is longer than {LARGEST_SOURCE:,} bytes")
         return text.decode().replace("\r\n", "\n").replace("\r", "\n")
     except OSError as error:
-        raise kind(f"cannot read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise kind(f"cannot read {path}: it is no UTF-8 text") from None
+        raise kind(f"cannot read {quoted(path)}: {error.strerror}") from None
+    except ValueError:  # no UTF-8, or a name with a NUL
+        raise kind(f"cannot read {quoted(path)}: it is no UTF-8 text") from None
 
 
 def replace_text(path: Path, text: str) -> None:

@@ -265,7 +265,7 @@ def test_the_words_of_evolutions_parameters_are_those_that_there_are():
         ("harness comp", ["compare "]),
         ("harness compare --epi", ["--episodes "]),
         ("harness compare bordercross-7x8-", ["bordercross-7x8-random "]),
-        ("harness solve bordercross-7x8 native", ["native-sarsop "]),
+        ("harness solve bordercross-7x8 --solver native", ["native-sarsop "]),
     ],
 )
 def test_a_shell_completes(tmp_path, line, completed):

@@ -88,6 +88,7 @@ def test_the_default_is_all_that_the_domain_knows(rocksample):
         "ge-feedback",
         "qmdp",
         "sarsop",
+        "solved",
         "mdp",
     ]
 

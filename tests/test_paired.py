@@ -51,7 +51,9 @@ def test_differences_without_scatter_are_tested_by_their_signs(count):
     """All sign patterns are equally likely where neither is better: how many are as extreme as all alike?"""
     sums = [abs(sum(signs)) for signs in itertools.product((-1, 1), repeat=count)]
     assert paired(np.full(count, 3.0), np.zeros(count)).p_value == sums.count(count) / len(sums)
-    assert paired(np.ones(count), np.ones(count)) == (count, 0.0, 0.0, 0.5, 1.0)
+    alike = paired(np.ones(count), np.ones(count))
+    assert (alike.pairs, alike.difference, alike.improvement, alike.p_value) == (count, 0.0, 0.5, 1.0)
+    assert alike.sem == 0.0 if count > 1 else np.isnan(alike.sem)  # one pair says nothing of its error
 
 
 def test_p_values_of_equal_policies_are_uniform():

@@ -189,7 +189,8 @@ class TestInterpreter:
             returns = play(domain, [program], Episodes(1, 0, 200, 50)).returns[0]
             result = evaluate(domain, ProgramPolicy(program), episodes=200, seed=1, engine="tables")
             assert np.array_equal(result.returns, returns)
-        assert np.unique(returns).size > 10
+        # The shaping telescopes (no discount in it), so that only start and end of an episode tell them apart.
+        assert np.unique(returns).size > 5
 
     def test_a_script_ends_the_episode_at_its_end(self, rocksample, words):
         result = evaluate(rocksample, ProgramPolicy(parse("up() up()", words)), episodes=9, engine="tables")

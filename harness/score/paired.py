@@ -49,7 +49,7 @@ def _p_value(difference: float, sem: float, count: int) -> float:
     """Student's paired test. Differences that are all alike have no scatter: then the exact test by their signs."""
     if difference == 0:
         return 1.0
-    if sem == 0:
+    if not sem > 0:  # nor is there any of a single pair
         return 2.0 ** (1 - count)
     return 2 * float(stdtr(count - 1, -abs(difference) / sem))
 

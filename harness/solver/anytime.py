@@ -19,7 +19,7 @@ from harness.solver import levels as level_sets
 from harness.solver.branches import Branches, branches_of
 from harness.solver.grid import Above
 from harness.solver.levels import Levels
-from harness.solver.search import N_EDGES, N_NODES, TRIALS, Graph, Model
+from harness.solver.search import N_EDGES, N_NODES, Graph, Model
 
 _FIRST_CELLS = 10_000
 _GROWTH = 4
@@ -76,7 +76,9 @@ class Course:
         """As the search takes it."""
         above = Above(self.value, self.levels.offset, self.levels.point, self.levels.stride)
         span = np.abs(self.branches.reward).max() / (1.0 - self.branches.discount)
-        return Model(self.branches, above, self.floor, 1e-11 * (1.0 + float(span)))
+        widest = int(np.diff(self.branches.factor_offset).max(initial=0))
+        relative = 2.0 * (widest * 2.0**-43 + 100 * 2.0**-52)  # rounded posteriors; sums of some ten terms
+        return Model(self.branches, above, self.floor, relative * (1.0 + float(span)))
 
 
 def begin(domain: Domain) -> Course:
@@ -129,13 +131,17 @@ def blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:
         else:
             finer = _finer(course, memory)
             if finer is None:
-                made = course.graph.counts[TRIALS]
+                before = _progress(course)
                 course = _tried(course, gap, memory)
-                if course.graph.counts[TRIALS] == made:
+                if _progress(course) == before:  # as close as rounding lets them come
                     return
             else:
                 course = finer
         yield course
+
+
+def _progress(course: Course) -> tuple[float, float, int]:
+    return course.lower, course.upper, int(course.graph.counts[N_NODES])
 
 
 def _swept(course: Course) -> Course:

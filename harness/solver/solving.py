@@ -126,7 +126,7 @@ def solve(
             raise
         stopped = "by Ctrl-C"
     if not stopped:
-        stopped = "at the gap asked for" if course.upper - course.lower <= gap else "at the limit of memory"
+        stopped = "at the gap asked for" if course.upper - course.lower <= gap else "where memory or rounding ends it"
     rows.append(_row(course, time.monotonic() - begun))
     return Solved(domain, course.lower, course.upper, pd.DataFrame(rows), _solution(course, rows[-1], stopped), stopped)
 
