@@ -16,7 +16,7 @@ import pytest
 import harness
 from harness import policy
 from harness.cli import main
-from harness.model import domain
+from harness.model import archive, domain
 from harness.play.evaluation import evaluate, simulate
 from harness.report import charts, inputs, page
 from harness.report.replays import Domains, Wanted, episode, replays
@@ -299,6 +299,7 @@ class TestPage:
         for kind in ("run", "tuning"):
             (tmp_path / kind).mkdir()
             shutil.copy(report_inputs[kind] / "config.json", tmp_path / kind)
+        shutil.copy(report_inputs["run"] / "grammar.bnf", tmp_path / "run")
         found = write(tmp_path, tmp_path / "run", tmp_path / "tuning")
         assert found.text.count("has not finished") == 2
         assert found.data == []
@@ -343,6 +344,8 @@ class TestPage:
         (tmp_path / "run<b>" / "best.json").write_text(json.dumps(best))
         config = json.loads((tmp_path / "run<b>" / "config.json").read_text())
         config |= {"grammar": HOSTILE, "git": HOSTILE, "versions": {HOSTILE: HOSTILE}}
+        del config["hash"]  # hostile, not damaged: under a hash that is right again
+        config["hash"] = archive.digest({}, [config, (tmp_path / "run<b>" / "grammar.bnf").read_text()])
         (tmp_path / "run<b>" / "config.json").write_text(json.dumps(config))
         sweep = pd.read_csv(report_inputs["sweep"] / "sweep.csv").rename(columns={"threshold": HOSTILE})
         sweep.to_csv(tmp_path / "s.csv", index=False)
