@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 
 _NAME = 60  # characters of a file's name in that of its temporary neighbour: file systems end names at 255 bytes
 
@@ -97,12 +97,13 @@ def read_source(path: Path, kind: type[HarnessError] = HarnessError) -> str:
         with path.open("rb") as file:
             text = file.read(LARGEST_SOURCE + 1)
         if len(text) > LARGEST_SOURCE:
-            raise kind(f"cannot read {path}: it is longer than {LARGEST_SOURCE:,} bytes")
+            raise kind(f"cannot read {quoted(path)}: it is longer than {LARGEST_SOURCE:,} bytes")
         return text.decode().replace("\r\n", "\n").replace("\r", "\n")
-    except OSError as error:
-        raise kind(f"cannot read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise kind(f"cannot read {path}: it is no UTF-8 text") from None
+    except HarnessError:
+        raise
+    except (OSError, ValueError) as error:  # ValueError: no file can have such a name, or what follows is no UTF-8
+        why = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise kind(f"cannot read {quoted(path)}: {why}") from None
 
 
 def replace_text(path: Path, text: str) -> None:
