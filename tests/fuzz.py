@@ -81,7 +81,7 @@ def pick(rng: Rng, options: Any) -> Any:
 def change_array(rng: Rng, arrays: dict[str, Any]) -> None:
     """One array: an entry, its type, its shape, its order; or it is gone."""
     name = pick(rng, sorted(arrays))
-    array = arrays[name]
+    array = np.atleast_1d(arrays[name])  # an earlier change may have left a single number
     kind = int(rng.integers(10))
     if kind < 6 and array.size and array.dtype.kind in "biuf":
         arrays[name] = _with_entries(rng, array)
@@ -90,7 +90,7 @@ def change_array(rng: Rng, arrays: dict[str, Any]) -> None:
     elif kind == 7:
         arrays[name] = pick(rng, [array[:-1], array[..., None], array.ravel(), array[:0], np.array(3), array.T])
     elif kind == 8:
-        arrays[name] = rng.permutation(array) if array.ndim else array
+        arrays[name] = rng.permutation(array)
     else:
         del arrays[name]
 
