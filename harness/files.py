@@ -97,7 +97,7 @@ def read_source(path: Path, kind: type[HarnessError] = HarnessError) -> str:
         with path.open("rb") as file:
             text = file.read(LARGEST_SOURCE + 1)
         if len(text) > LARGEST_SOURCE:
-            raise kind(f"cannot read {path}: it is longer than {LARGEST_SOURCE:,} bytes")
+            raise kind(f"cannot read {quoted(path)}: it is longer than {LARGEST_SOURCE:,} bytes")
         return text.decode().replace("\r\n", "\n").replace("\r", "\n")
     except OSError as error:
         raise kind(f"cannot read {quoted(path)}: {error.strerror}") from None

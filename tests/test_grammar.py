@@ -265,9 +265,9 @@ class TestReader:
 
     def test_a_text_without_end_is_not_read_on(self, tmp_path):
         (tmp_path / "long.bnf").write_text("#" * (2**20 + 1))
-        with pytest.raises(GrammarError, match=r"long\.bnf: it is longer than 1,048,576 bytes"):
+        with pytest.raises(GrammarError, match=r"long\.bnf.: it is longer than 1,048,576 bytes"):
             bnf.read(tmp_path / "long.bnf")
-        with pytest.raises(harness.HarnessError, match="/dev/zero: it is longer"):
+        with pytest.raises(harness.HarnessError, match="/dev/zero': it is longer"):
             harness.evaluate("rocksample-7x8", "program:/dev/zero", episodes=1)
 
     def test_a_grammar_of_another_language_is_refused(self, rocksample):

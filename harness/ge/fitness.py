@@ -20,7 +20,7 @@ from harness.play import population
 from harness.play.population import Episodes
 from harness.program import NestingError, Program, ProgramError, Words, parse, words_of
 
-_MOST_CHECKED = 2_000_000  # characters of sentences that are parsed to see whether a grammar speaks the language
+_MOST_CHECKED = 1_000_000  # characters of sentences that are parsed to see whether a grammar speaks the language
 
 
 class ProgramFitness:
@@ -72,7 +72,7 @@ class ProgramFitness:
 def check_language(grammar: Grammar, words: Words) -> None:
     """Make sure that the grammar's sentences are programs: a few for each of its productions are parsed.
 
-    Of a grammar whose sentences are very long, as many as have two million characters.
+    Of a grammar whose sentences are very long, as many as have a million characters together.
 
     Raises:
         GrammarError: one is not; the message names the production's line.
@@ -88,6 +88,9 @@ def check_language(grammar: Grammar, words: Words) -> None:
             production = grammar.productions[number]
             before, after = around[production.rule]
             text = before + _spell(grammar, production.symbols, depth, generator) + after
+            left -= len(text)
+            if left < 0:
+                return
             try:
                 parse(text, words, source="a sentence of it")
             except ProgramError as error:
@@ -95,9 +98,6 @@ def check_language(grammar: Grammar, words: Words) -> None:
                     f"{grammar.source}, line {production.line}: a sentence of the grammar, "
                     f"{quoted(text)}, is no program of {words.domain.name} ({error})"
                 ) from None
-            left -= len(text)
-            if left < 0:
-                return
 
 
 def _surroundings(grammar: Grammar, depth: int, generator: np.random.Generator) -> dict[int, tuple[str, str]]:
