@@ -99,6 +99,8 @@ def read_source(path: Path, kind: type[HarnessError] = HarnessError) -> str:
         if len(text) > LARGEST_SOURCE:
             raise kind(f"cannot read {quoted(path)}: it is longer than {LARGEST_SOURCE:,} bytes")
         return text.decode().replace("\r\n", "\n").replace("\r", "\n")
+    except HarnessError:
+        raise
     except OSError as error:
         raise kind(f"cannot read {quoted(path)}: {error.strerror}") from None
     except ValueError:  # no UTF-8, or a name with a NUL
