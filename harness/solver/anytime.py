@@ -42,6 +42,8 @@ class Course:
     floor_action: NDArray[np.int32]
     """(V,) by which action"""
     levels: Levels
+    backups: grid.Backups
+    """Of these levels"""
     value: NDArray[np.float32]
     """(cells, V) the grid"""
     graph: Graph
@@ -97,12 +99,14 @@ def begin(domain: Domain) -> Course:
     value[:] = np.nextafter(np.float32(max(0.0, b.reward.max()) / (1.0 - b.discount)), np.float32(np.inf))
     value[:, terminal] = 0.0
     graph = search.empty(b, 20_000, 100_000)
-    course = Course(
-        domain, b, floor, action, levels, value, graph, 0, 0, np.ones(levels.cells, dtype=np.bool_), False, 0
-    )
+    moved = np.ones(levels.cells, dtype=np.bool_)
+    backups = grid.backups(b, levels, floor)
+    course = Course(domain, b, floor, action, levels, backups, value, graph, 0, 0, moved, False, 0)
     starts = roots(domain)
-    if len(starts) > 1:
-        raise HarnessError(f"{domain.name} starts in {len(starts)} visible values or readings; one is needed")
+    if len(starts) > 1 or (domain.arrays["prior_factor"] >= 0).any():  # a first reading splits the start, too
+        raise HarnessError(
+            f"{domain.name} has several starts, by visible value or first reading; this solver takes one"
+        )
     search.node_of(graph, course.model, *starts[0])
     return course
 
@@ -148,14 +152,13 @@ def _swept(course: Course) -> Course:
     """One sweep of the grid."""
     enough = _STILL * (course.upper - course.lower)
     moving = np.zeros(course.levels.cells, dtype=np.bool_)
-    moves = grid.backups(course.branches, course.levels, course.floor)
     step = max(1, _BLOCK // course.value.shape[1])
     backward, fall = course.sweeps % 2 == 1, 0.0
     parts = [(low, min(low + step, course.levels.cells)) for low in range(0, course.levels.cells, step)]
     for low, high in reversed(parts) if backward else parts:
         fell = grid.sweep(
             course.value,
-            moves,
+            course.backups,
             course.levels.offset,
             course.levels.stride,
             course.floor,
@@ -205,6 +208,7 @@ def _finer(course: Course, memory: int) -> Course | None:
     return replace(
         course,
         levels=levels,
+        backups=grid.backups(course.branches, levels, course.floor),
         value=value,
         stage=course.stage + 1,
         sweeps=0,
