@@ -43,7 +43,7 @@ def alone_in(folder: Path) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise HarnessError(f"cannot make the folder {folder}: {error.strerror}") from None
+        raise HarnessError(f"cannot write {folder}: {error.strerror}") from None
     try:
         with _held(folder / LOCK, folder):
             files.clear(folder)
