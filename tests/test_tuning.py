@@ -441,7 +441,10 @@ class TestMisuse:
             (["sweep", "rocksample-7x8", "--policy", "belief", "--points", 10**9], "10,000 at most"),
             (["sweep", "rocksample-7x8"], "needs a DOMAIN and a --policy"),
             (["sweep", "--resume", "no-such-folder"], "holds no run to resume (there is no sweep.json)"),
-            (["tune", "rocksample-7x8", "--policy", "belief", "--seed", 2**61], "seed must be"),
+            (
+                ["tune", "rocksample-7x8", "--policy", "belief", "--seed", 2**61],
+                "--seed: '2305843009213693952' is not a whole number from 0 to 2,305,843,",
+            ),
             (["tune", "rocksample-7x8", "--policy", "belief", "--out", "/dev/null/x"], "cannot write"),
             (["tune", "rocksample-7x8", "--policy", "belief", "--set", "seed=3"], "use --seed"),
             (["tune", "rocksample-7x8", "--policy", "belief", "--set", "workers=3"], "workers is no setting"),

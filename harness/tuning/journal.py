@@ -171,7 +171,7 @@ def read_parameters(folder: Path, name: str = CONFIG) -> dict[str, Any]:
     path = folder / name
     if not path.exists():
         raise HarnessError(f"{folder} holds no run to resume (there is no {name}); start one with --out")
-    config = files.read_json(path, "start anew in another folder")
+    config = files.read_json(path, f"{name} is damaged: start anew in another folder")
     run = config.get("run") if isinstance(config, dict) else None
     if not isinstance(run, dict) or config.get("hash") != archive.digest({}, run):
         raise HarnessError(f"{path} is damaged, or was changed by hand; start anew in another folder")
