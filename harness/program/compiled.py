@@ -39,7 +39,7 @@ class Program:
         """(n,) line of :attr:`text`, counted from 0, that an operation stands on; −1 for instructions that are none."""
         found = np.full(len(self.code), -1)
         # Of printed lines those with an operation end with its parenthesis, and only those: one each, in order.
-        found[self.code["op"] == ACT] = [i for i, line in enumerate(self.text.splitlines()) if line.endswith(")")]
+        found[self.code["op"] == ACT] = [i for i, line in enumerate(self.text.split("\n")) if line.endswith(")")]
         return found
 
     @cached_property

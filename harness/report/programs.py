@@ -13,19 +13,24 @@ _MOST_LINES, _MOST_WORDS = 1_000, 100  # a comparison takes time that grows with
 _TOKEN = re.compile(r"\s+|[\w.]+|.")
 
 
+def lines_of(text: str) -> list[str]:
+    """A program's lines. Only a line feed ends one: readings may be called anything else."""
+    return text.removesuffix("\n").split("\n")
+
+
 def listing(text: str) -> str:
     """A program with numbered lines (numbers are no part of the text) and a button that copies it."""
-    lines = "\n".join(f'<span class="line">{escape(line)}</span>' for line in text.splitlines())
+    shown = "\n".join(f'<span class="line">{escape(line)}</span>' for line in lines_of(text))
     return (
         '<div class="program"><button type="button" class="copy" hidden>Copy</button>'
-        f'<pre class="numbered" tabindex="0"><code>{lines}</code></pre></div>'
+        f'<pre class="numbered" tabindex="0"><code>{shown}</code></pre></div>'
     )
 
 
 def difference(old: str, new: str) -> str:
     """What is in a program that was not in an older one, and what is no longer: - before the old lines, + before the
     new ones, and where a line was only altered, its altered words marked."""
-    before, after = old.splitlines(), new.splitlines()
+    before, after = lines_of(old), lines_of(new)
     if max(len(before), len(after)) > _MOST_LINES:
         return note(f"Programs of more than {_MOST_LINES:,} lines are not compared.")
     pieces = [_hunk(before, after, group) for group in _matcher(before, after).get_grouped_opcodes(_CONTEXT)]
@@ -35,7 +40,7 @@ def difference(old: str, new: str) -> str:
 
 def changes(old: str, new: str) -> str:
     """How many lines differ, in words: ``3 lines gone, 2 new``."""
-    codes = [code for code in _matcher(old.splitlines(), new.splitlines()).get_opcodes() if code[0] != "equal"]
+    codes = [code for code in _matcher(lines_of(old), lines_of(new)).get_opcodes() if code[0] != "equal"]
     gone, come = sum(code[2] - code[1] for code in codes), sum(code[4] - code[3] for code in codes)
     return f"{gone} {'line' if gone == 1 else 'lines'} gone, {come} new"
 

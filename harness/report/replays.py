@@ -17,6 +17,7 @@ from harness.policy import Policy
 from harness.policy.program import ProgramPolicy
 from harness.program import parse, words_of
 from harness.report.hidden import hidden
+from harness.report.programs import lines_of
 from harness.show import replay as show
 
 ENGINE = "tables"
@@ -86,7 +87,7 @@ def replays(wanted: Sequence[Wanted], domains: Domains, episodes: int) -> tuple[
             continue
         drawn = domain
         used = getattr(policy, "uses_belief", True)
-        lines = policy.program.text.splitlines() if isinstance(policy, ProgramPolicy) else None
+        lines = lines_of(policy.program.text) if isinstance(policy, ProgramPolicy) else None
         about = {"name": each.label, "uses_belief": used, "program": lines, "seed": str(each.seed)}
         played.append({**about, "episodes": shown})
     return ({"domain": _described(drawn), "policies": played} if drawn else None), missing
