@@ -763,6 +763,7 @@ class TestDifferences:
 
     def test_what_is_too_long_is_not_compared(self):
         assert "are not compared" in programs.difference("up()\n", "up()\n" * 1001)
+        assert programs.changes("up()\n", "up()\n" * 1001) == "1 lines before, 1,001 now"
         wide = "up() " * 60
         assert "<mark>" not in programs.difference(wide, wide + "down()")
 

@@ -10,6 +10,7 @@ from harness.report.markup import escape, note
 
 _CONTEXT = 2  # lines that stay the same, shown around those that do not
 _MOST_LINES, _MOST_WORDS = 1_000, 100  # a comparison takes time that grows with their square
+_ALIKE = 0.6  # share of words in common, from which on a line is another one altered
 _TOKEN = re.compile(r"\s+|[\w.]+|.")
 
 
@@ -31,7 +32,7 @@ def difference(old: str, new: str) -> str:
     """What is in a program that was not in an older one, and what is no longer: - before the old lines, + before the
     new ones, and where a line was only altered, its altered words marked."""
     before, after = lines_of(old), lines_of(new)
-    if max(len(before), len(after)) > _MOST_LINES:
+    if _too_long(before, after):
         return note(f"Programs of more than {_MOST_LINES:,} lines are not compared.")
     pieces = [_hunk(before, after, group) for group in _matcher(before, after).get_grouped_opcodes(_CONTEXT)]
     gap = '<span class="gap">  ⋯</span>\n'
@@ -40,9 +41,16 @@ def difference(old: str, new: str) -> str:
 
 def changes(old: str, new: str) -> str:
     """How many lines differ, in words: ``3 lines gone, 2 new``."""
-    codes = [code for code in _matcher(lines_of(old), lines_of(new)).get_opcodes() if code[0] != "equal"]
+    before, after = lines_of(old), lines_of(new)
+    if _too_long(before, after):
+        return f"{len(before):,} lines before, {len(after):,} now"
+    codes = [code for code in _matcher(before, after).get_opcodes() if code[0] != "equal"]
     gone, come = sum(code[2] - code[1] for code in codes), sum(code[4] - code[3] for code in codes)
     return f"{gone} {'line' if gone == 1 else 'lines'} gone, {come} new"
+
+
+def _too_long(before: Sequence[str], after: Sequence[str]) -> bool:
+    return max(len(before), len(after)) > _MOST_LINES
 
 
 def _matcher(before: Sequence[str], after: Sequence[str]) -> SequenceMatcher[str]:
@@ -74,5 +82,8 @@ def _words(line: str, other: str) -> str:
     own, its = _TOKEN.findall(line), _TOKEN.findall(other)
     if max(len(own), len(its)) > _MOST_WORDS:
         return escape(line)
-    parts = [(kind, escape("".join(own[i:j]))) for kind, i, j, _, _ in _matcher(own, its).get_opcodes() if i < j]
+    matcher = _matcher(own, its)
+    if matcher.ratio() < _ALIKE:
+        return escape(line)
+    parts = [(kind, escape("".join(own[i:j]))) for kind, i, j, _, _ in matcher.get_opcodes() if i < j]
     return "".join(part if kind == "equal" else f"<mark>{part}</mark>" for kind, part in parts)
