@@ -27,8 +27,8 @@ _STILL = 1e-6
 
 
 def slack_of(s: Steps) -> float:
-    """More than the rounding of a backup: of a sum over a row, or of one over a belief."""
-    return ROUNDING * (s.terms + s.n_hidden + 8) * (1.0 + s.span)
+    """More than the rounding of a backup: of a sum over a row, or of one over a belief, and of the tables."""
+    return (ROUNDING * (s.terms + s.n_hidden + 8) + s.unsure) * (1.0 + s.span)
 
 
 def cautious(s: Steps) -> NDArray[np.int64]:

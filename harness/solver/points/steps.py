@@ -46,6 +46,8 @@ class Steps(NamedTuple):
     """(V·A + 1,)"""
     branch_visible: NDArray[np.int32]
     """(branches,) next visible value; never a terminal one"""
+    unsure: float
+    """How far the probabilities of a row are from 1 in sum, at most: tables are rounded, too"""
 
     @property
     def span(self) -> float:
@@ -69,7 +71,7 @@ class _Rows(NamedTuple):
     """(rows,) of the choice's factor"""
     first: NDArray[np.int64]
     """(rows,) outcomes of the tables begin here"""
-    count: NDArray[np.int64]
+    outcomes: NDArray[np.int64]
     """(rows,) and are so many"""
 
 
@@ -78,13 +80,13 @@ def entries_of(domain: Domain) -> int:
     rows, t = _rows_of(domain), domain.tables
     readings = (t.reading_probability > 0).sum(axis=1)[t.outcomes["reading"]]
     before = np.concatenate([[0], np.cumsum(readings)])
-    return int((before[rows.first + rows.count] - before[rows.first]).sum())
+    return int((before[rows.first + rows.outcomes] - before[rows.first]).sum())
 
 
 def steps_of(domain: Domain) -> Steps:
     """The rows of a domain under its true reward."""
     rows, t = _rows_of(domain), domain.shaped("none").tables
-    place, row = spans(rows.first, rows.count)
+    place, row = spans(rows.first, rows.outcomes)
     reward = np.zeros(len(rows.choice))
     np.add.at(reward, row, t.outcomes["probability"][place] * t.outcomes["reward"][place])
     goes_on = ~t.outcomes["ends"][place]
@@ -92,7 +94,9 @@ def steps_of(domain: Domain) -> Steps:
     probability = outcome["probability"] * t.reading_probability[outcome["reading"], reading]
     choice, stride = rows.choice[row], _strides(domain)[t.choices["factor"]]
     ways = domain.n_visible * domain.n_observations
-    found, branch = np.unique(choice * ways + outcome["visible"] * domain.n_observations + reading, return_inverse=True)
+    found, branch = np.unique(
+        choice * ways + outcome["visible"].astype(np.int64) * domain.n_observations + reading, return_inverse=True
+    )
     first_branch = np.searchsorted(found, np.arange(len(stride) + 1) * ways)
     moved = np.where(t.choices["factor"][choice] >= 0, outcome["value"] - rows.value[row], 0)
     order = np.lexsort((moved, branch, row))
@@ -111,7 +115,14 @@ def steps_of(domain: Domain) -> Steps:
         probability[order],
         first_branch,
         (found % ways // domain.n_observations).astype(np.int32),
+        _unsure(t),
     )
+
+
+def _unsure(t: Tables) -> float:
+    outcomes = np.add.reduceat(t.outcomes["probability"], t.rows["first"])
+    readings = t.reading_probability.sum(axis=1)
+    return float(np.abs(outcomes - 1.0).max() + np.abs(readings - 1.0).max())
 
 
 def _rows_of(domain: Domain) -> _Rows:
