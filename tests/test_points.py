@@ -176,17 +176,17 @@ def test_several_starts_and_a_first_reading_are_weighed(seed, sizes):
     assert mean >= found.lower - 5 * sem
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 2**32 - 1), SIZES)
 def test_far_sighted_bounds_meet_those_of_the_product_grid(seed, sizes):
     domain = models.random_domain(np.random.default_rng(seed), list(sizes), 3, 3, 2, 0.9)
-    mine = solved(domain, 0.02, 10)
+    mine = solved(domain, 0.05, 3)
     grid = anytime.begin(domain)
-    for latest in itertools.islice(anytime.blocks(grid, 0.02, 10**8), 100):
+    for latest in itertools.islice(anytime.blocks(grid, 0.05, 10**8), 12):
         grid = latest
     assert mine.lower <= grid.upper
     assert grid.lower <= mine.upper
-    mean, sem = earned(domain, points.arrays(mine), 2000, 100)
+    mean, sem = earned(domain, points.arrays(mine), 2000, 300)
     assert mine.lower - 5 * sem <= mean
 
 
@@ -220,7 +220,7 @@ def backed_up(domain, kept, v, a, belief, joint):
     )
 
 
-def test_the_lost_robot_is_found(monkeypatch):
+def test_the_lost_robot_is_found():
     """bordercross-7x8-random; SARSOP's bounds after its 20 minutes are 277.35 and 289.26."""
     found = harness.solve("bordercross-7x8-random", gap=0.1)
     assert found.gap <= 0.1
