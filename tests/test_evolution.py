@@ -34,6 +34,7 @@ from harness.model import archive
 from harness.play.evaluation import evaluate
 from harness.policy.program import ProgramPolicy
 from harness.program import parse, words_of
+from tests.conftest import size
 
 LISTS = bnf.parse("<code> ::= <line> | <code> <line>\n<line> ::= a | b | (<code>)\n")
 SMALL = {"population": 20, "generations": 6, "episodes": 20, "max_init_depth": 20, "score_episodes": 200}
@@ -337,12 +338,13 @@ class TestRuns:
     def test_killed_and_resumed_it_ends_the_same(self, tmp_path, replacement):
         """A real process, killed by SIGKILL at whatever it is doing, twice."""
         options = [
-            "rocksample-7x8", "--engine", "tables", "--population", "30", "--generations", "150", "--episodes", "40",
+            "rocksample-7x8", "--engine", "tables",
+            "--population", "30", "--generations", str(size(60, 150)), "--episodes", "40",
             "--max-init-depth", "25", "--tournament", "4", "--score-episodes", "300", "--replacement", replacement,
         ]  # fmt: skip
         whole, killed = tmp_path / "whole", tmp_path / "killed"
         if replacement == "steady-state":
-            options[options.index("150")] = "40"
+            options[options.index("--generations") + 1] = str(size(20, 40))
         assert main(["evolve", *options, "--out", str(whole)]) == 0
         arguments = [*options, "--out", str(killed)]
         for _ in range(2):
