@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import glob
 import json
 import os
@@ -20,6 +21,21 @@ else:
 from harness.errors import HarnessError, quoted
 
 _NAME = 60  # characters of a file's name in that of its temporary neighbour: file systems end names at 255 bytes
+
+
+def named(path: str | Path) -> Path:
+    """A path that a user gave, where there can be a file of that name.
+
+    Raises:
+        HarnessError: no file system takes it.
+    """
+    try:
+        os.stat(path)
+    except (OSError, ValueError) as error:  # a NUL, half a character, too many characters
+        if isinstance(error, OSError) and error.errno != errno.ENAMETOOLONG:
+            return Path(path)
+        raise HarnessError(f"{quoted(str(path))} can be the name of no file; give another") from None
+    return Path(path)
 
 
 @contextlib.contextmanager

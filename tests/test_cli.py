@@ -45,7 +45,7 @@ def misuse(capsys, *arguments):
         (["compare", "rocksample-7x8", "--policy", "sarsp"], "did you mean 'sarsop'"),
         (["compare", "rocksample-7x8", "--policy", "belief:2"], "out of range"),
         (["compare", "rocksample-7x8", "--episodes", "0"], "'0' is not a whole number from 1 to 2,305,843,009,213,"),
-        (["compare", "rocksample-7x8", "--episodes", "1" + "0" * 12], "must be from 1 to 100,000,000, not 1000"),
+        (["compare", "rocksample-7x8", "--episodes", "1" + "0" * 12], "a whole number from 1 to 100,000,000, not 1000"),
         (["show", "rocksample-7x8", "exit", "--seed", str(2**64)], "is not a whole number from 0 to 2,305,843,"),
         (["show", "rocksample-7x8", "exit", "--seed=--"], "--seed needs a value, not '--'"),
         (["show", "rocksample-7x8", "rollout:1000000000000"], "from 1 to 1,000,000, not '1000000000000'"),

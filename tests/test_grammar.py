@@ -281,7 +281,9 @@ class TestReader:
 
     def test_what_stands_around_far_rules_has_an_end(self, rocksample, monkeypatch):
         monkeypatch.setattr("harness.ge.fitness._MOST_AROUND", 500)
-        chain = "".join(f"<r{i}> ::= if(belief(1) > 0.5) <r{i + 1}> | up()\n" for i in range(100)) + "<r100> ::= jump()\n"
+        chain = (
+            "".join(f"<r{i}> ::= if(belief(1) > 0.5) <r{i + 1}> | up()\n" for i in range(100)) + "<r100> ::= jump()\n"
+        )
         check_language(bnf.parse(chain), words_of(rocksample))  # too far away to be tried
         with pytest.raises(GrammarError, match="is no program"):
             check_language(bnf.parse(chain.replace("<r9> | up()", "<r9> | jump()")), words_of(rocksample))

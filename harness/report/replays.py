@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import host, registry
 from harness import policy as policies
-from harness import registry
 from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.policy import Policy
@@ -21,6 +21,7 @@ from harness.show import replay as show
 ENGINE = "tables"
 """Both engines play the same episodes; this one needs no Julia."""
 
+_ENTRY = 500  # bytes that a step takes, besides the belief
 _SCALE = 1000  # beliefs are kept in thousandths
 
 
@@ -136,6 +137,7 @@ def episode(domain: Domain, policy: Policy, seed: int, number: int, horizon: int
     changed since the entry before, as index, thousandths, index, thousandths, …
     """
     columns: dict[str, list[Any]] = {"action": [], "reading": [], "reward": [], "visible": [], "belief": []}
+    host.check_memory(f"a replay of {horizon:,} steps", horizon * (_ENTRY + 8 * len(domain.features)))
     before = np.full(len(domain.features), -1)
     for step in show.steps(domain, _Watched(policy), ENGINE, seed, number, horizon):
         read = show.reading(step.batch)

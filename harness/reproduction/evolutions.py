@@ -10,6 +10,7 @@ import joblib
 import pandas as pd
 
 from harness import host
+from harness.errors import HarnessError
 from harness.ge import runs
 from harness.ge.folder import RunFolder
 from harness.reproduction import figures, paper, thresholds
@@ -89,9 +90,15 @@ def _begin(folder: Folder, path: Path, domain: str, **options: Any) -> None:
 
 def search_history(folder: Folder, name: str) -> pd.DataFrame:
     """The histories of all runs, with a column ``seed``."""
-    found = [RunFolder(folder.path / name / f"seed-{k}").state() for k in range(folder.sizes.runs)]
-    tables = [pd.DataFrame(state.rows if state else []).assign(seed=k) for k, state in enumerate(found)]
+    tables = [_history(folder.path / name / f"seed-{k}").assign(seed=k) for k in range(folder.sizes.runs)]
     return pd.concat(tables, ignore_index=True)
+
+
+def _history(path: Path) -> pd.DataFrame:
+    state = RunFolder(path).state()
+    if state is None:
+        raise HarnessError(f"{path} has lost its checkpoint.npz; put it back, or start anew in another folder")
+    return pd.DataFrame(state.rows)
 
 
 def winners(folder: Folder, name: str) -> list[dict[str, Any]]:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from harness import engine as engines
 from harness import host, locking, registry
-from harness.errors import HarnessError
 from harness.reproduction import baselines, evolutions, figures, paper, report
 from harness.reproduction.folder import Folder
 from harness.reproduction.sizes import FULL, Sizes
@@ -98,9 +97,7 @@ def reproduce(
         KeyboardInterrupt: Ctrl-C; call it again to go on.
     """
     chosen = engines.choose(engine, registry.load(paper.ROCKSAMPLE))
-    if workers is not None and workers < 1:
-        raise HarnessError(f"workers must be 1 or more, not {workers}")
-    folder = Folder(Path(out), sizes, chosen, workers or host.cores(), progress)
+    folder = Folder(Path(out), sizes, chosen, host.workers(workers), progress)
     folder.begin()
     for step in STEPS:
         done = folder.has(step.files)

@@ -13,12 +13,12 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from harness import engine as engines
+from harness import host, registry
 from harness import policy as policies
-from harness import registry
 from harness.engine.batch import Batch
 from harness.errors import HarnessError
 from harness.model.domain import Domain
-from harness.play.evaluation import HORIZON, Z95, simulate
+from harness.play.evaluation import HORIZON, Z95, check_played, simulate
 from harness.policy import Policy
 from harness.score.table import by_domain
 from harness.show.drawing import LINE, SECOND, axes_or_new, blank, cells, plain
@@ -170,12 +170,17 @@ class _Frame(NamedTuple):
     features: NDArray[np.float64]
 
 
+_FRAME = 500  # bytes of one, besides its features
+
+
 def _play(
     domain: Domain, policy: str | Policy, seed: int, episode: int, horizon: int, engine: str
 ) -> tuple[str, list[_Frame]]:
     """The policy's name, and one episode of it."""
     name, made = policies.named(policy, domain)
     frames: list[_Frame] = []
+    check_played(seed=seed, episode=episode, horizon=horizon)
+    host.check_memory(f"a picture of {horizon:,} steps", horizon * (8 * len(domain.features) + _FRAME))
     for record in simulate(domain, made, engines.choose(engine, domain), seed, episode, 1, horizon):
         batch = record.batch
         tracked = batch.marginals.shape[1] > 0
