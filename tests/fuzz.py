@@ -38,7 +38,7 @@ MEMORY = 4 * 2**30
 """Bytes of address space of a worker; compiling alone maps more than one of them."""
 SECONDS = 20
 """Of the processor that an input may take."""
-HARD_SECONDS = 60
+HARD_SECONDS = 300
 """Until a worker that hears no alarm, as inside compiled code, counts as hanging."""
 START_SECONDS = 600
 """Until a worker must be ready: it compiles what nobody has compiled yet."""
@@ -142,7 +142,8 @@ def work(seed: int, first: int, last: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     sys.addaudithook(listen)
     with tempfile.TemporaryDirectory() as folder:
-        prepare(Path(folder))
+        with contextlib.redirect_stdout(io.StringIO()):  # a line there says that an input is done
+            prepare(Path(folder))
         print("ready", flush=True)
         for number in range(first, last):
             print(number, attempt(seed, number, Path(folder)), flush=True)

@@ -179,7 +179,7 @@ def _view(stepper: Engine, seed: int, first: int) -> Batch:
 def _checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
     """The policy's actions as the engine takes them."""
     try:
-        array = np.asarray(actions)
+        array = np.array(actions)  # a copy: who holds the policy's own may change it after it has been checked
     except ValueError:  # lists of different lengths
         raise PolicyError(f"act() must return {batch.size} action indices, not {quoted(actions)}") from None
     if array.shape != (batch.size,) or array.dtype.kind not in "iu":

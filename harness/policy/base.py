@@ -61,6 +61,8 @@ def copied(policy: Policy) -> Policy:
             made = copy.deepcopy(policy) if clone is None else clone()
         if not isinstance(made, Policy):
             raise TypeError(f"clone() returned a {type(made).__name__}")
+        if made is policy:
+            raise TypeError("its copy is the policy itself")
     except Exception as error:
         name, why = type(policy).__name__, f"{type(error).__name__}: {error}"
         raise PolicyError(
