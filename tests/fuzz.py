@@ -40,7 +40,7 @@ SECONDS = 20
 """Of the processor that an input may take."""
 HARD_SECONDS = 300
 """Until a worker that hears no alarm, as inside compiled code, counts as hanging."""
-START_SECONDS = 600
+START_SECONDS = 3600
 """Until a worker must be ready: it compiles what nobody has compiled yet."""
 
 

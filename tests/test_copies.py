@@ -194,6 +194,29 @@ class TestSharedOnPurpose:
         assert taken.tolist() == [0, 0, 0]
 
 
+@pytest.mark.usefixtures("small_batches")
+def test_ctrl_c_while_batches_are_handed_out_stops_those_under_way(rocksample, monkeypatch):
+    submit, calls, handed = evaluation.ThreadPoolExecutor.submit, [], []
+
+    class Endless(Recurrent):
+        def act(self, batch):
+            calls.append(1)
+            return np.zeros(batch.size, dtype=int)
+
+    def interrupted(pool, *what):
+        handed.append(1)
+        if len(handed) == 3:
+            raise KeyboardInterrupt
+        return submit(pool, *what)
+
+    monkeypatch.setattr(evaluation.ThreadPoolExecutor, "submit", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(rocksample, Endless(), episodes=200, horizon=10**8, engine="tables", workers=2)
+    before = len(calls)
+    time.sleep(0.1)
+    assert len(calls) == before
+
+
 def test_the_batches_do_not_depend_on_the_threads(rocksample):
     """Also where nothing is set small: a generator of a policy's own starts again in every batch."""
     assert np.array_equal(*(returns(rocksample, Drawing(), workers, 6000) for workers in (1, 3)))

@@ -22,6 +22,7 @@ from harness.play.evaluation import evaluate
 from harness.reproduction import FULL, QUICK, Sizes, reproduce, thresholds, wording
 from harness.reproduction.figures import best_stretch
 from harness.reproduction.steps import STEPS
+from tests.test_cli import PATIENCE
 
 TINY = Sizes(
     episodes=60,
@@ -213,11 +214,10 @@ class TestGoingOn:
             stderr=subprocess.PIPE,
             text=True,
         )
-        deadline = time.monotonic() + 60
-        while not (out / "config.json").exists() and time.monotonic() < deadline:
+        while not (out / "config.json").exists() and process.poll() is None:
             time.sleep(0.02)
         os.kill(process.pid, signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=PATIENCE)
         assert process.returncode == 130
         assert f"go on with: harness reproduce --quick --out {out}" in err
         assert "Traceback" not in err

@@ -321,8 +321,9 @@ def _map(
             progress(chunk[1])
         return results
     pool = ThreadPoolExecutor(threads)
-    futures: dict[Future[_Totals], tuple[int, int]] = {pool.submit(run, chunk): chunk for chunk in chunks}
-    try:
+    futures: dict[Future[_Totals], tuple[int, int]] = {}
+    try:  # from the first chunk on: Ctrl-C may come while others are not under way yet
+        futures |= {pool.submit(run, chunk): chunk for chunk in chunks}
         pending = set(futures)
         while pending:
             finished, pending = wait(pending, return_when=FIRST_COMPLETED)
