@@ -24,17 +24,19 @@ _NAME = 60  # characters of a file's name in that of its temporary neighbour: fi
 
 
 def named(path: str | Path) -> Path:
-    """A path that a user gave, where there can be a file of that name.
+    """A path that a user gave, where it can be the name of a file, and be printed.
 
     Raises:
-        HarnessError: no file system takes it.
+        HarnessError: no file system takes it, or there are escape sequences, line breaks or the like in it.
     """
     try:
+        if not str(path).isprintable():
+            raise ValueError
         os.stat(path)
     except (OSError, ValueError) as error:  # a NUL, half a character, too many characters
         if isinstance(error, OSError) and error.errno != errno.ENAMETOOLONG:
             return Path(path)
-        raise HarnessError(f"{quoted(str(path))} can be the name of no file; give another") from None
+        raise HarnessError(f"{quoted(str(path))} cannot be the name of a file; give another") from None
     return Path(path)
 
 

@@ -325,7 +325,7 @@ def tuned_folder(rng: Rng, folder: Path) -> None:
         kind = rng.random()
         if kind < 0.3:
             inputs.read(run)
-        elif kind < 0.4:  # with its picture, which takes long
+        elif kind < 0.32:  # with its picture, which takes long
             main([word, "--resume", str(run)])
         else:
             {"tune": resume_tuning, "sweep": resume_sweep}[word](run)

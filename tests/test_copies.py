@@ -196,25 +196,25 @@ class TestSharedOnPurpose:
 
 @pytest.mark.usefixtures("small_batches")
 def test_ctrl_c_while_batches_are_handed_out_stops_those_under_way(rocksample, monkeypatch):
-    submit, calls, handed = evaluation.ThreadPoolExecutor.submit, [], []
+    submit, handed, acts = evaluation.ThreadPoolExecutor.submit, [], threading.Event()
 
     class Endless(Recurrent):
         def act(self, batch):
-            calls.append(1)
+            acts.set()
             return np.zeros(batch.size, dtype=int)
 
     def interrupted(pool, *what):
         handed.append(1)
         if len(handed) == 3:
+            acts.wait()
             raise KeyboardInterrupt
         return submit(pool, *what)
 
     monkeypatch.setattr(evaluation.ThreadPoolExecutor, "submit", interrupted)
     with pytest.raises(KeyboardInterrupt):
         evaluate(rocksample, Endless(), episodes=200, horizon=10**8, engine="tables", workers=2)
-    before = len(calls)
-    time.sleep(0.1)
-    assert len(calls) == before
+    acts.clear()
+    assert not acts.wait(1)
 
 
 def test_the_batches_do_not_depend_on_the_threads(rocksample):

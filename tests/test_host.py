@@ -177,7 +177,7 @@ def test_a_rock_beyond_the_last_letter_is_drawn(rocksample):
     assert [label(far, i) for i in (0, 1)] == ["rock z", "rock 36"]
 
 
-@pytest.mark.parametrize("name", ["a\0b", "\ud800", "x" * 5000])
+@pytest.mark.parametrize("name", ["a\0b", "\ud800", "x" * 5000, "\x1b[31m", "a\nb"])
 def test_paths_that_can_name_no_file(name, tmp_path):
     for call in (
         lambda: harness.check_scores(name),
@@ -187,5 +187,5 @@ def test_paths_that_can_name_no_file(name, tmp_path):
         lambda: harness.resume(name),
         lambda: harness.sweep("rocksample-7x8", "belief", out=name),
     ):
-        with pytest.raises(HarnessError, match="can be the name of no file; give another"):
+        with pytest.raises(HarnessError, match="cannot be the name of a file; give another"):
             call()

@@ -178,3 +178,9 @@ class TestMisuse:
         path = folder / "sweep.json"
         path.write_text(path.read_text().replace('"seed": 3', '"seed": 4') if text is None else text)
         assert "sweep.json is damaged" in self.refused(capsys, "sweep", "--resume", folder)
+
+
+@pytest.mark.parametrize("given", [{"start": 10**400}, {"stop": "x"}, {"values": [10**400]}, {"values": [0.6, None]}])
+def test_what_is_no_number_is_refused(given):
+    with pytest.raises(harness.HarnessError, match="must be a number, not"):
+        harness.sweep("rocksample-7x8", "belief", **given)
