@@ -94,7 +94,8 @@ class TestRequests:
 
     def test_what_fits_runs(self, rocksample):
         harness.check_policy("exit", rocksample, episodes=1000)
-        assert len(harness.evaluate(rocksample, "exit", episodes=100_000).returns) == 100_000
+        many = harness.evaluate(rocksample, "exit", episodes=500_000, workers=host.MOST_WORKERS)
+        assert len(many.returns) == 500_000
 
 
 def test_the_estimate_of_programs_is_what_they_take(rocksample):

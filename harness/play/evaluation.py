@@ -233,7 +233,7 @@ def evaluate(
     spec, made = policies.named(policy, domain)
     threads = 1 if engine == "julia" or not can_be_copied(made) else threads
     size = _batch_size(made, engine, episodes)
-    batches = threads * min(size, episodes) * 8 * (domain.n_marginals + _COLUMNS)
+    batches = min(threads * size, episodes) * 8 * (domain.n_marginals + _COLUMNS)
     host.check_memory(f"{episodes:,} episodes", episodes * KEPT * 2 + batches)
     chunks = [(first + done, min(size, episodes - done)) for done in range(0, episodes, size)]
     stop = threading.Event()
