@@ -7,6 +7,7 @@ standard error. It is drawn from that: no episode has to be at hand, and a table
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from harness.engine import rng
 from harness.errors import HarnessError, check_whole
-from harness.score.table import by_domain
+from harness.score.table import by_domain, check_columns
 
 FLOOR = "random-legal"
 """The policy whose return is 0 on the common scale; the lowest upper bound is 1."""
@@ -50,6 +51,7 @@ def aggregate(table: pd.DataFrame, *, resamples: int = 2_000, seed: int = 0) -> 
     """
     check_whole("resamples", resamples, 1, _MOST_RESAMPLES)
     check_whole("seed", seed, 0, 2**64 - 1)
+    check_columns(table, ("domain", "policy", "kind", *itertools.chain(*_MEASURES.values())))
     parts = [_checked(part) for part in by_domain(table)]
     if not parts:
         raise HarnessError("there are no rows to aggregate")

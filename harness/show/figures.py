@@ -20,7 +20,7 @@ from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.play.evaluation import HORIZON, Z95, check_played, simulate
 from harness.policy import Policy
-from harness.score.table import by_domain
+from harness.score.table import by_domain, check_columns
 from harness.show.drawing import LINE, SECOND, axes_or_new, blank, cells, plain
 
 _ROBOTS = (LINE, SECOND)
@@ -132,7 +132,10 @@ def compare_figure(table: pd.DataFrame) -> Figure:
     ``table`` is what :func:`harness.compare` returns; each of its domains has a row of panels. An upper bound is a
     dashed line.
     """
+    check_columns(table)
     parts = by_domain(table)
+    if not parts:
+        raise HarnessError("there are no rows to draw")
     bars = [max(1, int((part["kind"] == "policy").sum())) for part in parts]
     figure = blank(7.5, 0.4 + sum(0.6 + 0.34 * count for count in bars))
     panels = figure.subplots(len(parts), 2, sharey="row", squeeze=False, height_ratios=[2 + count for count in bars])
