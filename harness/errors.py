@@ -5,6 +5,7 @@ What a message echoes of the user's own text goes through :func:`quoted`; :func:
 
 from __future__ import annotations
 
+import numbers
 import os
 from collections.abc import Iterable
 
@@ -44,14 +45,15 @@ def quoted(value: object) -> str:
         text = printable(str(value)[-LONGEST_QUOTE - 1 :])
         return f"'{text}'" if len(text) <= LONGEST_QUOTE else f"'… {text[2 - LONGEST_QUOTE :]}'"
     if isinstance(value, str):
-        return f"'{_short(value)}'"
+        return f"'{short(value)}'"
     try:
-        return _short(repr(value))
+        return short(repr(value))
     except (ValueError, RecursionError):  # a number of thousands of digits, an endless nesting
         return f"a huge {type(value).__name__}"
 
 
-def _short(text: str) -> str:
+def short(text: str) -> str:
+    """The user's own text as a message repeats it without quotation marks."""
     text = printable(text[: LONGEST_QUOTE + 1])
     return text if len(text) <= LONGEST_QUOTE else f"{text[: LONGEST_QUOTE - 2]} …"
 
@@ -70,6 +72,16 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def check_whole(name: str, value: object, low: int, high: int) -> None:
+    """Check a whole number that a user gave; one of NumPy's is one too.
+
+    Raises:
+        HarnessError: it is none, or not in [low, high].
+    """
+    if not isinstance(value, numbers.Integral) or isinstance(value, bool) or not low <= int(value) <= high:
+        raise HarnessError(f"{name} must be a whole number from {low:,} to {high:,}, not {quoted(value)}")
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -3,17 +3,41 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import glob
 import json
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
 from harness.errors import HarnessError, quoted
 
 _NAME = 60  # characters of a file's name in that of its temporary neighbour: file systems end names at 255 bytes
+
+
+def named(path: str | Path) -> Path:
+    """A path that a user gave, where it can be the name of a file, and be printed.
+
+    Raises:
+        HarnessError: no file system takes it, or there are escape sequences, line breaks or the like in it.
+    """
+    try:
+        if not str(path).isprintable():
+            raise ValueError
+        os.stat(path)
+    except (OSError, ValueError) as error:  # a NUL, half a character, too many characters
+        if isinstance(error, OSError) and error.errno != errno.ENAMETOOLONG:
+            return Path(path)
+        raise HarnessError(f"{quoted(str(path))} cannot be the name of a file; give another") from None
+    return Path(path)
 
 
 @contextlib.contextmanager
@@ -84,7 +108,7 @@ def clear(folder: Path, name: str | None = None) -> None:
 
 
 LARGEST_SOURCE = 2**20
-"""Bytes of a program or a grammar, 1 MiB."""
+"""Bytes of a program, a grammar or a list of scores, 1 MiB."""
 
 
 def read_source(path: Path, kind: type[HarnessError] = HarnessError) -> str:
@@ -105,6 +129,26 @@ def read_source(path: Path, kind: type[HarnessError] = HarnessError) -> str:
         raise kind(f"cannot read {quoted(path)}: {error.strerror}") from None
     except ValueError:  # no UTF-8, or a name with a NUL
         raise kind(f"cannot read {quoted(path)}: it is no UTF-8 text") from None
+
+
+_MOST_DOTS = 100  # in a line of TOML: to read a key of many parts takes the square of their number
+
+
+def toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text.
+
+    Raises:
+        ValueError: it is none, or would take long to read; the message says where.
+    """
+    for number, line in enumerate(text.split("\n"), 1):
+        if line.count(".") > _MOST_DOTS:
+            raise ValueError(f"over {_MOST_DOTS} dots in line {number}")
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except (ValueError, RecursionError):  # numbers of thousands of digits, and nesting without end
+        raise ValueError("a number or a nesting without end") from None
 
 
 def replace_text(path: Path, text: str) -> None:

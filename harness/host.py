@@ -1,7 +1,8 @@
-"""What runs here: the cores of this machine, the versions of what is installed, a checkout's revision, the parent."""
+"""What runs here: the machine's cores and memory, versions of what is installed, a checkout's revision, the parent."""
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import subprocess
@@ -11,10 +12,77 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from harness.errors import HarnessError, check_whole
+
 
 def cores() -> int:
     """Number of processor cores, 1 where nobody knows."""
     return os.cpu_count() or 1
+
+
+MOST_WORKERS = 1024
+"""Threads or processes at most."""
+
+
+def workers(given: int | None) -> int:
+    """How many threads or processes: as many as were asked for, else one a core.
+
+    Raises:
+        HarnessError: it is no number of them.
+    """
+    if given is None:
+        return cores()
+    check_whole("workers", given, 1, MOST_WORKERS)
+    return given
+
+
+_FIRST = 100_000_000  # bytes that everybody has: nothing is looked up for less
+
+
+def check_memory(what: str, needed: float) -> None:
+    """Check that there is room for so many bytes, before they are taken.
+
+    Raises:
+        HarnessError: there is not; the message says how much ``what`` would take.
+    """
+    if needed > _FIRST and needed > (free := free_memory()):
+        raise HarnessError(
+            f"{what} would take {needed / 1e9:,.1f} GB of memory, and {free / 1e9:,.1f} GB are free here; take fewer"
+        )
+
+
+def free_memory() -> float:
+    """Bytes that this process may still take: of the machine, of its control group (v2), of its own limit."""
+    return min(_free_of_machine(), _free_of_group(), _free_of_process())
+
+
+def _free_of_machine() -> float:
+    try:
+        lines = (line.split() for line in Path("/proc/meminfo").read_text().splitlines())
+        return next(1024 * float(words[1]) for words in lines if words[0] == "MemAvailable:")
+    except (OSError, StopIteration):
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")) if hasattr(os, "sysconf") else math.inf
+
+
+def _free_of_group(root: Path = Path("/sys/fs/cgroup")) -> float:
+    """What a container's limit leaves; what is kept of files goes when it is needed."""
+    try:
+        most, taken = (float((root / f"memory.{name}").read_text()) for name in ("max", "current"))
+        kept = dict(line.split() for line in (root / "memory.stat").read_text().splitlines())
+        return most - taken + float(kept.get("inactive_file", 0))
+    except (OSError, ValueError):  # no such group, or its limit is "max"
+        return math.inf
+
+
+def _free_of_process() -> float:
+    try:
+        import resource
+
+        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+        taken = float(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    except (ImportError, OSError):
+        return math.inf
+    return math.inf if limit == resource.RLIM_INFINITY else limit - taken
 
 
 def versions(*packages: str) -> dict[str, str]:

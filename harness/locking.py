@@ -61,7 +61,7 @@ def alone_on(path: Path) -> Iterator[None]:
     Raises:
         HarnessError: another process (or thread) does, or its folder cannot be written.
     """
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(files.named(path)))
     with _held(target.with_name(f".{target.name}.lock"), path):
         files.clear(target.parent, target.name)
         yield
@@ -74,7 +74,7 @@ def alone(function: Callable[_P, _T]) -> Callable[_P, _T]:
     @functools.wraps(function)
     def guarded(*args: _P.args, **kwargs: _P.kwargs) -> _T:
         out = signature.bind(*args, **kwargs).arguments.get("out")
-        with contextlib.nullcontext() if out is None else alone_in(Path(out)):
+        with contextlib.nullcontext() if out is None else alone_in(files.named(out)):
             return function(*args, **kwargs)
 
     return guarded

@@ -16,6 +16,8 @@ import pytest
 import harness
 from harness.cli import main
 
+PATIENCE = 600
+"""Seconds until what does not end counts as hanging, on the busiest of machines."""
 NO_JULIA = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON_JULIACALL")}
 
 
@@ -45,7 +47,7 @@ def misuse(capsys, *arguments):
         (["compare", "rocksample-7x8", "--policy", "sarsp"], "did you mean 'sarsop'"),
         (["compare", "rocksample-7x8", "--policy", "belief:2"], "out of range"),
         (["compare", "rocksample-7x8", "--episodes", "0"], "'0' is not a whole number from 1 to 2,305,843,009,213,"),
-        (["compare", "rocksample-7x8", "--episodes", "1" + "0" * 12], "must be from 1 to 100,000,000, not 1000"),
+        (["compare", "rocksample-7x8", "--episodes", "1" + "0" * 12], "a whole number from 1 to 100,000,000, not 1000"),
         (["show", "rocksample-7x8", "exit", "--seed", str(2**64)], "is not a whole number from 0 to 2,305,843,"),
         (["show", "rocksample-7x8", "exit", "--seed=--"], "--seed needs a value, not '--'"),
         (["show", "rocksample-7x8", "rollout:1000000000000"], "from 1 to 1,000,000, not '1000000000000'"),
@@ -179,18 +181,42 @@ def test_check_domain_passes(capsys):
     assert "all checks passed" in capsys.readouterr().out
 
 
-def test_ctrl_c_stops_between_steps():
-    """A long comparison in a process of its own, interrupted for real: the rows finished by then are printed."""
-    policies = ["--policy", "exit", "--policy", "rollout:2000", "--policy", "random"]
-    command = [sys.executable, "-m", "harness", "compare", "rocksample-7x8", "--episodes", "100000", *policies]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=NO_JULIA) as process:
-        time.sleep(10)  # the first row is there by then, also on a busy machine
+LONG = """
+from pathlib import Path
+from harness.policy.rollout import RolloutPolicy
+
+class Long(RolloutPolicy):
+    def __init__(self, domain):
+        super().__init__(domain, 2000)
+
+    def act(self, batch):
+        Path("begun").touch()
+        return super().act(batch)
+"""
+
+
+def interrupted_when_long(command, folder):
+    """Output, errors and the process of a command that is interrupted as soon as the policy LONG in a folder acts."""
+    path = os.pathsep.join([str(Path(harness.__file__).parent.parent), os.environ.get("PYTHONPATH", "")])
+    options = {"cwd": folder, "env": {**NO_JULIA, "PYTHONPATH": path}, "text": True}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options) as process:
+        while not (folder / "begun").exists() and process.poll() is None:
+            time.sleep(0.05)
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+        return *process.communicate(timeout=PATIENCE), process
+
+
+def test_ctrl_c_stops_between_steps(tmp_path):
+    """A long comparison in a process of its own, interrupted for real: the rows finished by then are printed."""
+    (tmp_path / "long.py").write_text(LONG)
+    policies = ["--policy", "exit", "--policy", "long.py:Long", "--policy", "random"]
+    command = [sys.executable, "-m", "harness", "compare", "rocksample-7x8", "--episodes", "100000", *policies]
+    out, err, process = interrupted_when_long(command, tmp_path)
     assert process.returncode == 130
     assert "interrupted" in err
     assert "10.00 ± 0.00" in out  # exit had finished
     assert "random" not in out
+    assert "Long" not in out
     assert "Traceback" not in err
 
 

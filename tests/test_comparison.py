@@ -163,6 +163,16 @@ def test_the_command_knows_the_formats():
         harness.render(pd.DataFrame())
 
 
+@pytest.mark.parametrize("use", [harness.render, harness.aggregate, harness.compare_figure])
+def test_a_table_without_a_column_is_refused(rocksample, use):
+    table = harness.compare(rocksample, ["random-legal", "mdp"], episodes=5, engine="tables")
+    with pytest.raises(harness.HarnessError, match="no whole comparison table: it has no column sem"):
+        use(table.drop(columns="sem"))
+    if use is not harness.render:
+        with pytest.raises(harness.HarnessError, match="there are no rows to"):
+            use(table.iloc[:0])
+
+
 def test_latex_cells_are_those_of_the_text_escaped(rocksample):
     """Read back by what the signs mean in LaTeX; a name may hold any of them."""
     names = {"50% & more_or_less": "exit", "[a] {b} #1 $x^2~\\<": "random-legal"}

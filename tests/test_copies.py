@@ -15,6 +15,7 @@ from harness import policy as policies
 from harness.cli import main
 from harness.engine.batch import Batch
 from harness.errors import PolicyError
+from harness.play import evaluation
 from harness.play.conformance import ConformanceError, check_policy
 from harness.play.evaluation import evaluate, simulate
 from harness.policy import heuristic
@@ -132,6 +133,88 @@ class TestThreads:
             UserWarning, match=r"Wrong cannot be copied \(TypeError: clone\(\) returned a NoneType\): it plays"
         ):
             returns(rocksample, Wrong(), 2)
+
+
+class Itself(Recurrent):
+    """Says that it is its own copy."""
+
+    def __deepcopy__(self, memo):
+        return self
+
+
+class ItselfCloned(Recurrent):
+    def clone(self):
+        return self
+
+
+class Sharing(Wrapping):
+    """Its copies share the shipped policy inside, which is not to be noticed from outside."""
+
+    def __deepcopy__(self, memo):
+        return Sharing(self.inner)
+
+
+class TestSharedOnPurpose:
+    @pytest.mark.parametrize("policy", [Itself, ItselfCloned])
+    @pytest.mark.usefixtures("small_batches")
+    def test_who_is_its_own_copy_plays_in_one_thread_and_says_so(self, rocksample, policy):
+        with pytest.warns(
+            UserWarning, match=r"cannot be copied \(TypeError: its copy is the policy itself\): it plays"
+        ):
+            many = returns(rocksample, policy(), 4)
+        assert np.array_equal(many, returns(rocksample, Recurrent(), 1))
+        with pytest.raises(PolicyError, match="its copy is the policy itself"):
+            check_policy(policy(), rocksample)
+
+    def test_arrays_of_another_thread_are_refused_or_fit(self, rocksample, monkeypatch):
+        """Batches of 50 and of 7, all on the same arrays, again and again: nothing is written past any of them."""
+        monkeypatch.setattr("harness.play.evaluation._BATCH", 50)
+        for spec in ("belief:0.84", "accuracy:0.93", "ge-feedback") * 5:
+            shared = Sharing(policies.make(spec, rocksample)[1])
+            try:
+                played = returns(rocksample, shared, 8, episodes=607)
+            except PolicyError as error:
+                assert "episodes after a reset() for" in str(error)  # noqa: PT017  either is right
+            else:
+                assert np.isfinite(played).all()
+
+    def test_actions_that_change_after_they_were_checked_do_not_reach_the_engine(self, rocksample):
+        class Late(Recurrent):
+            def reset(self, batch):
+                self.actions = np.zeros(batch.size, dtype=np.int32)
+
+            def act(self, batch):
+                return self.actions
+
+        batch = TestSizes.batch(rocksample, 3)
+        policy = Late()
+        policy.reset(batch)
+        taken = evaluation._checked(policy.act(batch), batch)
+        policy.actions[:] = 2**30
+        assert taken.tolist() == [0, 0, 0]
+
+
+@pytest.mark.usefixtures("small_batches")
+def test_ctrl_c_while_batches_are_handed_out_stops_those_under_way(rocksample, monkeypatch):
+    submit, handed, acts = evaluation.ThreadPoolExecutor.submit, [], threading.Event()
+
+    class Endless(Recurrent):
+        def act(self, batch):
+            acts.set()
+            return np.zeros(batch.size, dtype=int)
+
+    def interrupted(pool, *what):
+        handed.append(1)
+        if len(handed) == 3:
+            acts.wait()
+            raise KeyboardInterrupt
+        return submit(pool, *what)
+
+    monkeypatch.setattr(evaluation.ThreadPoolExecutor, "submit", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(rocksample, Endless(), episodes=200, horizon=10**8, engine="tables", workers=2)
+    acts.clear()
+    assert not acts.wait(1)
 
 
 def test_the_batches_do_not_depend_on_the_threads(rocksample):

@@ -263,6 +263,31 @@ class TestReader:
         with pytest.raises(GrammarError, match=r"line 1501: .*'jump\(\)'"):
             check_language(bnf.parse(chain, "my.bnf"), words_of(rocksample))
 
+    @pytest.mark.parametrize(("alternative", "most"), [("", 0), (" | up()", 1_000_000), (" | up() <r0>", 1_000_000)])
+    def test_the_work_of_checking_a_chain_has_an_end(self, rocksample, monkeypatch, alternative, most):
+        """Trees from each of 3,000 rules down have 4.5 million rules, at each of three depths."""
+        derived = []
+
+        def counted(*args, **options):
+            made = derive(*args, **options)
+            derived.append(len(made.nodes))
+            return made
+
+        monkeypatch.setattr("harness.ge.fitness.derive", counted)
+        chain = "".join(f"<r{i}> ::= <r{i + 1}>{alternative}\n" for i in range(3000)) + "<r3000> ::= up()\n"
+        check_language(bnf.parse(chain), words_of(rocksample))
+        assert sum(derived) - max(derived, default=0) <= most
+        assert bool(derived) == bool(most)
+
+    def test_what_stands_around_far_rules_has_an_end(self, rocksample, monkeypatch):
+        monkeypatch.setattr("harness.ge.fitness._MOST_AROUND", 500)
+        chain = (
+            "".join(f"<r{i}> ::= if(belief(1) > 0.5) <r{i + 1}> | up()\n" for i in range(100)) + "<r100> ::= jump()\n"
+        )
+        check_language(bnf.parse(chain), words_of(rocksample))  # too far away to be tried
+        with pytest.raises(GrammarError, match="is no program"):
+            check_language(bnf.parse(chain.replace("<r9> | up()", "<r9> | jump()")), words_of(rocksample))
+
     def test_a_text_without_end_is_not_read_on(self, tmp_path):
         (tmp_path / "long.bnf").write_text("#" * (2**20 + 1))
         with pytest.raises(GrammarError, match=r"long\.bnf.: it is longer than 1,048,576 bytes"):

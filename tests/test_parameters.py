@@ -110,6 +110,7 @@ class TestMisuse:
             (b"population = 3\npopulation = 4", "no TOML"),
             (b"\xff\xfe", "no TOML"),
             (b"x = " + b"[" * 50_000, "no TOML"),
+            (b"a." * 40_000 + b"b = 1", "no TOML (over 100 dots in line 1)"),
             (b"#" * 200_000, "more than 100,000 bytes"),
             (None, "cannot read"),
         ],

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -23,6 +22,7 @@ from harness.play.evaluation import evaluate
 from harness.reproduction import FULL, QUICK, Sizes, reproduce, thresholds, wording
 from harness.reproduction.figures import best_stretch
 from harness.reproduction.steps import STEPS
+from tests.test_cli import PATIENCE
 
 TINY = Sizes(
     episodes=60,
@@ -72,7 +72,7 @@ def folder(tmp_path_factory):
 
 def contents(folder):
     """All files but those that hold times or dates."""
-    skipped = ("history.csv", "config.json", "best.json", "checkpoint.npz")
+    skipped = ("history.csv", "config.json", "best.json", "checkpoint.npz", "results.sha256")
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in sorted(folder.rglob("*"))
@@ -214,11 +214,10 @@ class TestGoingOn:
             stderr=subprocess.PIPE,
             text=True,
         )
-        deadline = time.monotonic() + 60
-        while not (out / "config.json").exists() and time.monotonic() < deadline:
+        while not (out / "config.json").exists() and process.poll() is None:
             time.sleep(0.02)
         os.kill(process.pid, signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=PATIENCE)
         assert process.returncode == 130
         assert f"go on with: harness reproduce --quick --out {out}" in err
         assert "Traceback" not in err
@@ -246,10 +245,48 @@ class TestMisuse:
         assert "holds other files" in self.refused(capsys, "--out", str(tmp_path), "--engine", "tables")
         assert "cannot write" in self.refused(capsys, "--out", "/dev/null/x", "--engine", "tables")
 
-    def test_damaged_results_are_named(self, folder, tmp_path):
+    @pytest.mark.parametrize(
+        "name",
+        [
+            "table1.csv",
+            "sweeps.csv",
+            "gradient.csv",
+            "thresholds.csv",
+            "evolved-thresholds.csv",
+            "figure4.txt",
+            "figure7.txt",
+            "full-search/seed-1/best.json",
+            "full-search/seed-1/history.csv",
+            "bordercross-paper/seed-0/history.csv",
+        ],
+    )
+    def test_damaged_and_edited_results_are_named(self, folder, tmp_path, name):
         other = tmp_path / "other"
         shutil.copytree(folder, other)
         (other / "report.md").unlink()
-        Path(other / "table1.csv").write_bytes(b"\x00\xff")
-        with pytest.raises(harness.HarnessError, match=r"table1\.csv"):
-            reproduce(other, TINY, engine="tables")
+        whole = (other / name).read_text()
+        edited = re.sub(r"\d(?=\D*$)", lambda digit: str(9 - int(digit[0])), whole)  # its last digit is another
+        for content in (edited.encode(), b"\x00\xff"):
+            (other / name).write_bytes(content)
+            with pytest.raises(harness.HarnessError, match=re.escape(name.rpartition("/")[2])):
+                reproduce(other, TINY, engine="tables")
+        (other / name).write_text(whole)
+        reproduce(other, TINY, engine="tables")
+
+    def test_an_edited_run_of_a_step_that_is_made_again_is_named(self, folder, tmp_path):
+        other = tmp_path / "other"
+        shutil.copytree(folder, other)
+        (other / "evolved-thresholds.csv").unlink()
+        path = other / "evolved-thresholds" / "belief-1.csv"
+        path.write_text(path.read_text() + path.read_text().splitlines()[-1] + "\n")
+        with pytest.raises(harness.HarnessError, match=r"belief-1\.csv is damaged, or was changed by hand; delete it"):
+            reproduce(other, TINY, engine="tables", workers=1)
+
+    def test_what_a_kill_left_half_written_goes(self, folder, tmp_path):
+        other = tmp_path / "other"
+        shutil.copytree(folder, other)
+        (other / "report.md").unlink()
+        (other / "evolved-thresholds.csv").unlink()
+        (other / "evolved-thresholds" / "belief-1.csv").rename(other / "evolved-thresholds" / ".belief-1.csv.abc.part")
+        reproduce(other, TINY, engine="tables", workers=1)
+        assert contents(other) == contents(folder)

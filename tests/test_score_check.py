@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -22,7 +19,7 @@ from harness.errors import HarnessError
 from harness.play.evaluation import evaluate
 from harness.regression import checking, ci, judging, reports, scoring, stored
 from harness.regression.rows import Limits, Row
-from tests.test_cli import NO_JULIA, misuse
+from tests.test_cli import LONG, interrupted_when_long, misuse
 
 LIST = """\
 # what we watch
@@ -387,7 +384,9 @@ def test_misuse_names_file_and_line(tmp_path, capsys, old, new, line, words):
         ("\n\nx = \n", "line 3"),
         ("score = 3\n", "'score' must be written [[score]]"),
         ("[score]\ndomain = 'a'\n", "'score' must be written [[score]]"),
-        (b"\xff\xfe", "not UTF-8"),
+        (b"\xff\xfe", "no UTF-8 text"),
+        ("# long\n" * 150_000, "longer than 1,048,576 bytes"),
+        ("# short\n" + "a." * 60_000 + "b = 1", "not TOML: over 100 dots in line 2"),
         ("x = " + "9" * 5_000, "not TOML: "),
         ("x = " + "[" * 100_000, "not TOML: "),
     ],
@@ -494,19 +493,17 @@ def test_ctrl_c_prints_the_rows_finished(tmp_path):
     checking.update_scores(path)
     exit_score = next(iter(stored.read(path).stored.values()))
     many = {"episodes": 100_000, "reference_episodes": 100_000}
-    slow = dataclasses.replace(exit_score, policy="rollout:2000", **many)
-    path.write_text(row.format("exit", 100) + row.format("rollout:2000", 100_000))
+    slow = dataclasses.replace(exit_score, policy="long.py:Long", **many)
+    (tmp_path / "long.py").write_text(LONG)
+    path.write_text(row.format("exit", 100) + row.format("long.py:Long", 100_000))
     stored.write(path, [exit_score, slow])
-    command = [sys.executable, "-m", "harness", "check", str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=NO_JULIA) as process:
-        time.sleep(4)
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+    command = [sys.executable, "-m", "harness", "check", "--allow-code", str(path)]
+    out, err, process = interrupted_when_long(command, tmp_path)
     assert process.returncode == 130
     assert "interrupted" in err
     assert "Traceback" not in err
     assert "1 row: 1 same" in out
-    assert "rollout" not in out
+    assert "Long" not in out
 
 
 def test_ctrl_c_leaves_the_file_of_an_update_alone(scores, capsys, monkeypatch):

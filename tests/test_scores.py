@@ -159,5 +159,5 @@ def test_any_stretch_of_episodes_can_be_played(rocksample):
     whole = evaluate(rocksample, "random-legal", episodes=50, seed=3, engine="tables")
     part = evaluate(rocksample, "random-legal", episodes=20, seed=3, first=17, engine="tables", workers=2)
     assert np.array_equal(part.returns, whole.returns[17:37])
-    with pytest.raises(harness.HarnessError, match="first must be 0 or more"):
+    with pytest.raises(harness.HarnessError, match="first must be a whole number from 0"):
         evaluate(rocksample, "random-legal", first=-1, engine="tables")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -14,8 +13,8 @@ import pytest
 import harness
 from harness.cli import main
 from harness.tuning import sweeping
+from tests.test_cli import NO_JULIA, PATIENCE
 
-NO_JULIA = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON_JULIACALL")}
 OPTIONS = ["--from", "0.8", "--points", "41", "--episodes", "4000", "--seed", "3", "--horizon", "40"]
 COMMAND = ["sweep", "rocksample-7x8", "--policy", "belief", *OPTIONS, "--engine", "tables"]
 TEXT = "check(2)\nif(belief(2) > 0.9) down()\nif(not (belief(2) < 0.25)) sample()\nright()\n"
@@ -48,7 +47,7 @@ class TestProcesses:
         while count(folder) < 2 and process.poll() is None:
             time.sleep(0.005)
         process.send_signal(number)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=PATIENCE)
         assert 2 <= count(folder) < 41
         if number == signal.SIGINT:
             assert process.returncode == 130
@@ -181,3 +180,9 @@ class TestMisuse:
         path = folder / "sweep.json"
         path.write_text(path.read_text().replace('"seed": 3', '"seed": 4') if text is None else text)
         assert "sweep.json is damaged" in self.refused(capsys, "sweep", "--resume", folder)
+
+
+@pytest.mark.parametrize("given", [{"start": 10**400}, {"stop": "x"}, {"values": [10**400]}, {"values": [0.6, None]}])
+def test_what_is_no_number_is_refused(given):
+    with pytest.raises(harness.HarnessError, match="must be a number, not"):
+        harness.sweep("rocksample-7x8", "belief", **given)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import signal
 import subprocess
@@ -25,8 +24,8 @@ from harness.tuning.method import configure
 from harness.tuning.objective import Episodes
 from harness.tuning.run import METHODS, climb
 from harness.tuning.score import ScoreFunction
+from tests.test_cli import NO_JULIA, PATIENCE
 
-NO_JULIA = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON_JULIACALL")}
 QUICK = {  # settings that make a run on real episodes short
     "gradient": {"episodes": 300, "iterations": 6},
     "spsa": {"episodes": 300, "iterations": 6},
@@ -362,7 +361,7 @@ class TestProcesses:
     def test_killed_and_resumed_it_is_the_same_run(self, tmp_path, uninterrupted, capsys):
         process = start_run(tmp_path / "cut")
         process.send_signal(signal.SIGKILL)
-        process.communicate(timeout=60)
+        process.communicate(timeout=PATIENCE)
         assert process.returncode == -signal.SIGKILL
         before = (tmp_path / "cut" / "history.csv").read_bytes()
         whole = (uninterrupted / "history.csv").read_bytes()
@@ -379,7 +378,7 @@ class TestProcesses:
     def test_ctrl_c_leaves_everything_whole(self, tmp_path, uninterrupted):
         process = start_run(tmp_path / "cut")
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=PATIENCE)
         assert process.returncode == 130
         assert "harness tune --resume" in err
         assert "Traceback" not in err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from harness import files
 from harness.errors import HarnessError, quoted
 
 _MOST = 2**61 - 1
@@ -77,6 +78,6 @@ def positive_number(text: str) -> float:
 def write(path: Path, text: str) -> None:
     """Write a text file; a HarnessError where that cannot be done."""
     try:
-        path.write_text(text, encoding="utf-8")
+        files.named(path).write_text(text, encoding="utf-8")
     except OSError as error:
         raise HarnessError(f"cannot write {path}: {error.strerror}") from None

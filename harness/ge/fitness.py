@@ -20,7 +20,8 @@ from harness.play import population
 from harness.play.population import Episodes
 from harness.program import NestingError, Program, ProgramError, Words, parse, words_of
 
-_MOST_CHECKED = 1_000_000  # characters of sentences that are parsed to see whether a grammar speaks the language
+_MOST_CHECKED = 1_000_000  # characters parsed, and rules derived, to see whether a grammar speaks the language
+_MOST_AROUND = 16_000_000  # characters kept of what stands around the rules
 
 
 class ProgramFitness:
@@ -72,24 +73,26 @@ class ProgramFitness:
 def check_language(grammar: Grammar, words: Words) -> None:
     """Make sure that the grammar's sentences are programs: a few for each of its productions are parsed.
 
-    Of a grammar whose sentences are very long, as many as have a million characters together.
+    Of a grammar whose sentences are very long, or of very many rules, as many as have a million characters and
+    derivations of a million rules together.
 
     Raises:
         GrammarError: one is not; the message names the production's line.
     """
-    generator = np.random.default_rng(0)
+    speller = _Speller(grammar)
     least = grammar.arrays.depth
     deepest = int(least.max())
     simple_first = np.argsort(least, kind="stable").tolist()  # so that the message names the production at fault
-    left = _MOST_CHECKED
     for depth in (1, deepest + 2, deepest + 6):
-        around = _surroundings(grammar, depth, generator)
+        around = _surroundings(grammar, depth, speller)
         for number in simple_first:
             production = grammar.productions[number]
+            if production.rule not in around:
+                continue
             before, after = around[production.rule]
-            text = before + _spell(grammar, production.symbols, depth, generator) + after
-            left -= len(text)
-            if left < 0:
+            text = before + speller.spell(production.symbols, depth) + after
+            speller.left -= len(text)
+            if speller.left < 0:
                 return
             try:
                 parse(text, words, source="a sentence of it")
@@ -100,30 +103,64 @@ def check_language(grammar: Grammar, words: Words) -> None:
                 ) from None
 
 
-def _surroundings(grammar: Grammar, depth: int, generator: np.random.Generator) -> dict[int, tuple[str, str]]:
+def _surroundings(grammar: Grammar, depth: int, speller: _Speller) -> dict[int, tuple[str, str]]:
     """Of each rule, what stands before and after it in a sentence: the productions on a shortest way from the start
-    symbol, written out at random off the way."""
+    symbol, written out at random off the way. Rules far from the start may be missing, where all that is too long."""
     around = {0: ("", "")}
     waiting = deque([0])
+    size = 0
     while waiting:
         rule = waiting.popleft()
         before, after = around[rule]
         for i in grammar.productions_of[rule]:
             symbols = grammar.productions[i].symbols
             for at, symbol in enumerate(symbols):
-                if symbol >= 0 and symbol not in around:
-                    left, right = (
-                        _spell(grammar, part, depth, generator) for part in (symbols[:at], symbols[at + 1 :])
-                    )
+                if symbol >= 0 and symbol not in around and size < _MOST_AROUND:
+                    left, right = (speller.spell(part, depth) for part in (symbols[:at], symbols[at + 1 :]))
                     around[symbol] = before + left, right + after
+                    size += len(before + left + right + after)
                     waiting.append(symbol)
     return around
 
 
-def _spell(grammar: Grammar, symbols: tuple[int, ...], depth: int, generator: np.random.Generator) -> str:
-    """Symbols written out: terminals as they are, a random tree for each rule."""
-    return "".join(grammar.terminals[~s] if s < 0 else _random(grammar, s, depth, generator) for s in symbols)
+class _Speller:
+    """Writes out symbols of a grammar."""
+
+    def __init__(self, grammar: Grammar) -> None:
+        self.grammar = grammar
+        self.left = _MOST_CHECKED
+        self._generator = np.random.default_rng(0)
+        self._only = _only_sentences(grammar)
+
+    def spell(self, symbols: tuple[int, ...], depth: int) -> str:
+        """Terminals as they are; for each rule its only sentence, or that of a random tree."""
+        return "".join(self.grammar.terminals[~s] if s < 0 else self._sentence(s, depth) for s in symbols)
+
+    def _sentence(self, rule: int, depth: int) -> str:
+        if rule in self._only:
+            return self._only[rule]
+        if self.left < 0:
+            return ""
+        codons = tree(self.grammar, rule, depth, GROW, 1000, self._generator)
+        derived = derive(self.grammar, codons, start=rule)
+        self.left -= len(derived.nodes)
+        return derived.phenotype or ""
 
 
-def _random(grammar: Grammar, rule: int, depth: int, generator: np.random.Generator) -> str:
-    return derive(grammar, tree(grammar, rule, depth, GROW, 1000, generator), start=rule).phenotype or ""
+def _only_sentences(grammar: Grammar) -> dict[int, str]:
+    """The sentences of rules that have a single one each; not of all, where they are very long.
+
+    Each is put together from those of smaller rules: deriving them one by one takes, of a chain of rules, the square
+    of its length.
+    """
+    found: dict[int, str] = {}
+    size = 0
+    for rule in np.argsort(grammar.arrays.rule_size, kind="stable").tolist():
+        symbols = grammar.productions[grammar.productions_of[rule].start].symbols
+        if len(grammar.productions_of[rule]) > 1 or not all(s < 0 or s in found for s in symbols):
+            continue
+        parts = [grammar.terminals[~s] if s < 0 else found[s] for s in symbols]
+        size += sum(map(len, parts)) if len(parts) > 1 else 0
+        if size <= _MOST_CHECKED:
+            found[rule] = "".join(parts)
+    return found

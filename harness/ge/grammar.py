@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import files
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted, short
 
 _NAME = r"<[^<>|\s]+>"
 _TOKEN = re.compile(
@@ -250,7 +250,7 @@ class _Reader:
             if kind == "head":
                 rule = self.new_rule(found[:-3].rstrip(), at)
             elif rule is None:
-                self.fail(at, f"'{found}' stands before the first rule; a rule begins with <name> ::=")
+                self.fail(at, f"{quoted(found)} stands before the first rule; a rule begins with <name> ::=")
             elif kind == "bar":
                 rule.alternatives.append([])
             else:
@@ -260,7 +260,9 @@ class _Reader:
     def new_rule(self, name: str, at: int) -> _Rule:
         if name in self.rules:
             self.fail(
-                at, f"{name} is defined in line {self.line(self.rules[name].at)} already; join the two rules with '|'"
+                at,
+                f"{short(name)} is defined in line {self.line(self.rules[name].at)} already; "
+                "join the two rules with '|'",
             )
         self.rules[name] = _Rule(at, [[]])
         return self.rules[name]
@@ -281,7 +283,7 @@ class _Reader:
             self.fail(at, "'::=' without a <name> before it; a rule begins with <name> ::=")
         if found == "<":
             word = self.text[at:].split()[0]
-            self.fail(at, f"'{word}' is not closed; write a non-terminal as <name>, or put the sign in quotes")
+            self.fail(at, f"{quoted(word)} is not closed; write a non-terminal as <name>, or put the sign in quotes")
         self.fail(at, f"the quote {found} is not closed on its line; close it, or put it into quotes of the other kind")
 
     def check_alternatives(self) -> None:
@@ -291,7 +293,9 @@ class _Reader:
         for name, rule in self.rules.items():
             for alternative in rule.alternatives:
                 if not alternative:
-                    self.fail(rule.at, f"{name} has an empty alternative; take the '|' away, or write \"\" for nothing")
+                    self.fail(
+                        rule.at, f"{short(name)} has an empty alternative; take the '|' away, or write \"\" for nothing"
+                    )
 
     def check_names(self) -> None:
         """Every name that is used is defined, and every rule can be reached from the first."""
@@ -301,7 +305,9 @@ class _Reader:
         for names in used.values():
             for name, at in names.items():
                 if name not in self.rules:
-                    self.fail(at, f"{name} is not defined{nearest(name, self.rules)}; add a rule {name} ::= …")
+                    self.fail(
+                        at, f"{short(name)} is not defined{nearest(name, self.rules)}; add a rule {short(name)} ::= …"
+                    )
         start = next(iter(self.rules))
         reached, waiting = {start}, [start]
         while waiting:
@@ -310,11 +316,15 @@ class _Reader:
             waiting.extend(new)
         for name, rule in self.rules.items():
             if name not in reached:
-                self.fail(rule.at, f"{name} cannot be reached from {start}; use it in a rule, or delete it")
+                self.fail(
+                    rule.at, f"{short(name)} cannot be reached from {short(start)}; use it in a rule, or delete it"
+                )
 
     def check_ends(self, grammar: Grammar) -> None:
         for name, productions in zip(grammar.rules, grammar.productions_of, strict=True):
             least = grammar._sizes[productions.start : productions.stop].min()
             if least > LARGEST_TREE:
                 what = "no finite derivation" if least == ENDLESS else f"no derivation of under {LARGEST_TREE:,} rules"
-                self.fail(self.rules[name].at, f"{name} has {what}; add an alternative that does not lead back to it")
+                self.fail(
+                    self.rules[name].at, f"{short(name)} has {what}; add an alternative that does not lead back to it"
+                )

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
+from harness import files
 from harness.errors import HarnessError
 from harness.ge.parameters import Parameters, check_value
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 NAME = "parameters.toml"
 """In the folder of a run."""
@@ -35,10 +30,9 @@ def read(path: Path) -> dict[str, Any]:
     if len(content) > _MOST_BYTES:
         raise HarnessError(f"{path}: more than {_MOST_BYTES:,} bytes; a file of parameters has a line for each")
     try:
-        record = tomllib.loads(content.decode())
-    except (ValueError, RecursionError) as error:
-        reason = "nested too deep" if isinstance(error, RecursionError) else str(error)
-        raise HarnessError(f"{path}: no TOML ({reason}); a line is like: population = 250") from None
+        record = files.toml(content.decode())
+    except ValueError as error:
+        raise HarnessError(f"{path}: no TOML ({error}); a line is like: population = 250") from None
     try:
         for name, value in record.items():
             check_value(name, value)

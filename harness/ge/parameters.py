@@ -124,6 +124,6 @@ def _check(name: str, value: Any, default: Any, limits: Any) -> None:
         choices = limits["choices"]
         raise HarnessError(f"no {name} {quoted(value)}{nearest(value, choices)} (known: {', '.join(choices)})")
     if limits["least"] is not None and not value >= limits["least"]:
-        raise HarnessError(f"{name} must be {limits['least']} or more, not {value}")
+        raise HarnessError(f"{name} must be {limits['least']} or more, not {quoted(value)}")
     if limits["most"] is not None and not value <= limits["most"]:
-        raise HarnessError(f"{name} must be {limits['most']} or less, not {value}")
+        raise HarnessError(f"{name} must be {limits['most']} or less, not {quoted(value)}")

@@ -14,13 +14,16 @@ from typing import Any
 import joblib
 
 from harness import files, host, locking
-from harness.errors import HarnessError
+from harness.errors import HarnessError, check_whole
 from harness.ge.folder import PREFIX, Plan, RunFolder, check_new
 from harness.ge.parameters import Parameters, from_record
 from harness.ge.results import Evolution, Evolutions
 from harness.ge.search import Setup, config_of, prepare, restore, run
 from harness.model.domain import Domain
 from harness.progress import Bar, Progress
+
+MOST_RUNS = 10_000
+"""Runs of one plan at most."""
 
 
 @locking.alone
@@ -68,7 +71,7 @@ def evolve(
         folder = RunFolder(Path(out)) if out is not None else None
         if folder:
             folder.create(config_of(setup, name), setup.grammar.text)
-        return _one(setup._replace(workers=workers or host.cores()), folder, progress)
+        return _one(setup._replace(workers=host.workers(workers)), folder, progress)
     with contextlib.ExitStack() as stack:
         parent = Path(out if out is not None else stack.enter_context(tempfile.TemporaryDirectory()))
         check_new(parent)
@@ -107,7 +110,7 @@ def resume(
     folders = _planned(parent, generations) or folders_of(parent)
     if not folders:
         folder = RunFolder(parent)
-        return _one(_restored(folder, workers or host.cores(), generations, allow_code), folder, progress)
+        return _one(_restored(folder, host.workers(workers), generations, allow_code), folder, progress)
     setups = [_restored(folder, 1, generations, allow_code) for folder in folders]
     return _many(setups, folders, parent, workers, backend, progress)
 
@@ -165,10 +168,8 @@ def _with_seed(setup: Setup, seed: int) -> Setup:
 
 
 def _check_runs(runs: int, workers: int | None) -> None:
-    if runs < 1:
-        raise HarnessError(f"runs must be 1 or more, not {runs}")
-    if workers is not None and workers < 1:
-        raise HarnessError(f"workers must be 1 or more, not {workers}")
+    check_whole("runs", runs, 1, MOST_RUNS)
+    host.workers(workers)
 
 
 def _one(setup: Setup, folder: RunFolder | None, progress: Progress) -> Evolution:
@@ -195,7 +196,7 @@ def _many(
     watched: dict[str, Any] = {"initializer": host.end_with, "initargs": (os.getpid(),)} if backend == "loky" else {}
     with _bar(sum(setup.parameters.generations + 1 for setup in setups), progress) as bar, _watching(folders, bar):
         try:
-            runs = joblib.Parallel(n_jobs=workers or host.cores(), backend=backend, **watched)(tasks)
+            runs = joblib.Parallel(n_jobs=host.workers(workers), backend=backend, **watched)(tasks)
         except BrokenProcessPool:
             raise HarnessError(
                 f"a worker process of {parent} was killed, perhaps for want of memory; go on with --resume {parent}, "

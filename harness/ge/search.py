@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from harness import engine as engines
-from harness import files, registry
+from harness import files, host, registry
 from harness.engine import rng
 from harness.errors import HarnessError
 from harness.ge import grammar as bnf
@@ -60,6 +60,7 @@ def prepare(
 
 def _checked(domain: Domain, grammar: Grammar, parameters: Parameters, engine: str, workers: int) -> Setup:
     domain.shaped(parameters.shaping)
+    _check_memory(domain, parameters)
     check_language(grammar, words_of(domain))
     if parameters.refine:
         from harness.ge.refinement import check_constants  # here: it brings in all of the tuning
@@ -67,6 +68,22 @@ def _checked(domain: Domain, grammar: Grammar, parameters: Parameters, engine: s
         words, in_between = words_of(domain), parameters.refine_every > 0
         check_constants(grammar, words, in_between and parameters.inheritance == LAMARCKIAN)
     return Setup(domain, grammar, parameters, engines.choose(engine, domain), workers)
+
+
+def _check_memory(domain: Domain, p: Parameters) -> None:
+    """Check what the largest parts of a run take, before any has begun."""
+    finalists = min(p.finalists, p.population) + p.refine
+    for programs, episodes in (
+        (p.population, p.episodes),
+        (finalists, p.validation_episodes),
+        (1, max(p.test_episodes, p.score_episodes, p.refine_episodes if p.refine else 0)),
+    ):
+        host.check_memory(*population.memory(domain, programs, episodes, p.horizon))
+    codons = p.population * p.max_codons
+    host.check_memory(f"a population of {p.population:,} with {p.max_codons:,} codons each", codons * _CODON)
+
+
+_CODON = 16  # bytes, with its part of the derivation
 
 
 def config_of(setup: Setup, name: str) -> dict[str, Any]:

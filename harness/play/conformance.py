@@ -12,19 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import engine as engines
+from harness import host, registry
 from harness import policy as policies
-from harness import registry
 from harness.engine.batch import Batch
-from harness.errors import HarnessError, printable
+from harness.errors import HarnessError, check_whole, printable
 from harness.model import validation
 from harness.model.domain import Domain
 from harness.model.tables import STOP
-from harness.play.evaluation import HORIZON, simulate
+from harness.play.evaluation import HORIZON, MOST, check_played, simulate
 from harness.policy import Policy
 from harness.policy.base import copied
 from harness.policy.simple import RandomPolicy
 
 _TOLERANCE = 1e-9
+_SEEN = 17  # bytes kept of an episode's step
 
 
 class ConformanceError(HarnessError):
@@ -48,6 +49,9 @@ def check_domain(domain: Domain | str, engine: str = "auto", episodes: int = 500
         ConformanceError: with every breach found.
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
+    check_played(episodes=episodes, seed=seed, horizon=HORIZON)
+    check_whole("episodes", episodes, 2, MOST)  # they are played in two halves
+    host.check_memory(f"{episodes:,} episodes", episodes * 2 * (HORIZON + 1) * _SEEN)
     breaches = list(validation.breaches(domain))
     if not breaches:  # an engine on broken tables would only fail in stranger ways
         breaches = list(_check_engine(domain, engines.choose(engine, domain), episodes, seed))
@@ -192,6 +196,9 @@ def check_policy(
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
     name, made = policies.named(policy, domain)
+    check_played(episodes=episodes, seed=seed, horizon=horizon)
+    batches = episodes * 8 * (domain.n_marginals + 12)
+    host.check_memory(f"{episodes:,} episodes of {horizon:,} steps", episodes * horizon * 12 + batches)
     copied(made)
     whole = _actions(domain, made, _Way(episodes, 1, 1), episodes, seed, horizon)
     left = (whole[:-1] == STOP) & (whole[1:] != STOP)

@@ -18,17 +18,21 @@ from harness import engine as engines
 from harness import policy as policies
 from harness.engine import Engine, rng
 from harness.engine.batch import Batch, read_only
-from harness.errors import HarnessError, PolicyError, quoted
+from harness.errors import PolicyError, check_whole, quoted
 from harness.model.domain import Domain
 from harness.model.tables import STOP, compiled
 from harness.policy import Policy
-from harness.policy.base import can_be_copied, fresh
+from harness.policy.base import can_be_copied, fresh, whole
 from harness.progress import Bar, Progress
 
 HORIZON = 50
 """Steps after which an episode is truncated (paper, Table 2)."""
 MOST = 100_000_000
-"""Episodes of one evaluation, which keeps 21 bytes of each (2.1 GB), and steps of an episode, at most."""
+"""Episodes of one evaluation, and steps of an episode, at most."""
+KEPT = 21
+"""Bytes that an evaluation keeps of each episode."""
+_LAST = 2**62  # number of an episode
+_COLUMNS = 12  # numbers of 8 bytes that a batch takes for each episode, besides the belief
 
 EPISODES = 10_000
 Z95 = 1.959963984540054
@@ -174,7 +178,10 @@ def _view(stepper: Engine, seed: int, first: int) -> Batch:
 
 def _checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
     """The policy's actions as the engine takes them."""
-    array = np.asarray(actions)
+    try:
+        array = np.array(actions)  # a copy: who holds the policy's own may change it after it has been checked
+    except ValueError:  # lists of different lengths
+        raise PolicyError(f"act() must return {batch.size} action indices, not {quoted(actions)}") from None
     if array.shape != (batch.size,) or array.dtype.kind not in "iu":
         raise PolicyError(
             f"act() must return {batch.size} action indices (whole numbers, one an episode), "
@@ -220,15 +227,14 @@ def evaluate(
         HarnessError: an argument is wrong (the message says which and how to mend it).
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
-    _check_counts(episodes=episodes, horizon=horizon)
-    if first < 0:
-        raise HarnessError(f"first must be 0 or more, not {first}")
-    if not 0 <= seed < 2**64:
-        raise HarnessError(f"seed must be a whole number from 0 to 2**64 - 1, not {seed}")
+    check_played(episodes=episodes, seed=seed, first=first, horizon=horizon)
+    threads = host.workers(workers)
     engine = engines.choose(engine, domain)
     spec, made = policies.named(policy, domain)
-    threads = 1 if engine == "julia" or not can_be_copied(made) else workers or host.cores()
+    threads = 1 if engine == "julia" or not can_be_copied(made) else threads
     size = _batch_size(made, engine, episodes)
+    batches = min(threads * size, episodes) * 8 * (domain.n_marginals + _COLUMNS)
+    host.check_memory(f"{episodes:,} episodes", episodes * KEPT * 2 + batches)
     chunks = [(first + done, min(size, episodes - done)) for done in range(0, episodes, size)]
     stop = threading.Event()
 
@@ -243,15 +249,27 @@ def evaluate(
 
 
 def _batch_size(policy: Policy, engine: str, episodes: int) -> int:
-    if engine == "julia":
-        return int(getattr(policy, "batch_size", _JULIA_BATCH))
-    return min(getattr(policy, "batch_size", _BATCH), max(_LEAST, -(-episodes // _BATCHES)))
+    most = whole(policy, "batch_size", _JULIA_BATCH if engine == "julia" else _BATCH)
+    return most if engine == "julia" else min(most, max(_LEAST, -(-episodes // _BATCHES)))
 
 
-def _check_counts(**counts: int) -> None:
-    for name, value in counts.items():
-        if not 1 <= value <= MOST:
-            raise HarnessError(f"{name} must be from 1 to {MOST:,}, not {quoted(value)}")
+def check_played(
+    *, seed: int, horizon: int, episodes: int | None = None, first: int | None = None, episode: int | None = None
+) -> None:
+    """Check which episodes are to be played; those that are None were not asked for.
+
+    Raises:
+        HarnessError: a number is none, or out of range.
+    """
+    check_whole("seed", seed, 0, 2**64 - 1)
+    for name, value, low, high in (
+        ("horizon", horizon, 1, MOST),
+        ("episodes", episodes, 1, MOST),
+        ("first", first, 0, _LAST),
+        ("episode", episode, 0, _LAST),
+    ):
+        if value is not None:
+            check_whole(name, value, low, high)
 
 
 class _Totals(NamedTuple):
@@ -303,8 +321,9 @@ def _map(
             progress(chunk[1])
         return results
     pool = ThreadPoolExecutor(threads)
-    futures: dict[Future[_Totals], tuple[int, int]] = {pool.submit(run, chunk): chunk for chunk in chunks}
-    try:
+    futures: dict[Future[_Totals], tuple[int, int]] = {}
+    try:  # from the first chunk on: Ctrl-C may come while others are not under way yet
+        futures |= {pool.submit(run, chunk): chunk for chunk in chunks}
         pending = set(futures)
         while pending:
             finished, pending = wait(pending, return_when=FIRST_COMPLETED)

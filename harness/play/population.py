@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import host
 from harness.engine import rng
 from harness.engine.tables import TablesEngine
 from harness.model.domain import Domain
@@ -54,6 +55,7 @@ def play(
         engine: ``tables`` or ``julia``.
         workers: threads of the tables engine; the numbers do not depend on it.
     """
+    host.check_memory(*memory(domain, len(programs), episodes.size, episodes.horizon))
     played = Played(np.zeros((len(programs), episodes.size)), np.zeros(len(programs), dtype=np.int64))
     if engine == "julia":
         for p, program in enumerate(programs):
@@ -61,6 +63,15 @@ def play(
     elif programs:
         _play_compiled(domain, programs, episodes, workers, played)
     return played
+
+
+def memory(domain: Domain, programs: int, episodes: int, horizon: int) -> tuple[str, int]:
+    """What :func:`play` is asked for, in words, and about how many bytes it takes."""
+    each = programs + horizon + 1 + domain.n_marginals + _COLUMNS
+    return f"to play {programs:,} programs in {episodes:,} episodes of {horizon:,} steps", 8 * episodes * each
+
+
+_COLUMNS = 12  # numbers of 8 bytes that an episode takes besides its returns, random numbers and belief
 
 
 def _play_compiled(

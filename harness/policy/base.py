@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine.batch import Batch
-from harness.errors import PolicyError
+from harness.errors import PolicyError, quoted
 
 
 @runtime_checkable
@@ -61,6 +61,8 @@ def copied(policy: Policy) -> Policy:
             made = copy.deepcopy(policy) if clone is None else clone()
         if not isinstance(made, Policy):
             raise TypeError(f"clone() returned a {type(made).__name__}")
+        if made is policy:
+            raise TypeError("its copy is the policy itself")
     except Exception as error:
         name, why = type(policy).__name__, f"{type(error).__name__}: {error}"
         raise PolicyError(
@@ -89,6 +91,18 @@ def can_be_copied(policy: Policy) -> bool:
     except PolicyError:
         return False
     return True
+
+
+def whole(policy: Policy, name: str, default: int) -> int:
+    """An attribute of a policy that is a whole number from 1 up, or the default where it has none.
+
+    Raises:
+        PolicyError: it is something else.
+    """
+    value = getattr(policy, name, default)
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        raise PolicyError(f"{type(policy).__name__}.{name} must be a whole number, 1 or more, not {quoted(value)}")
+    return value
 
 
 def fitting(batch: Batch, remembered: NDArray[Any]) -> NDArray[Any]:

@@ -6,6 +6,7 @@ Such a name makes Python code run. Only what the user wrote may lead here; names
 
 from __future__ import annotations
 
+import functools
 import importlib
 import importlib.util
 import inspect
@@ -28,6 +29,12 @@ POLICY = "policy: an object with reset(batch) and act(batch)"
 
 def installed() -> dict[str, EntryPoint]:
     """Policies that installed packages bring, by name."""
+    return _installed(tuple(sys.path))
+
+
+@functools.lru_cache(maxsize=1)
+def _installed(_: tuple[str, ...]) -> dict[str, EntryPoint]:
+    """Looked for once, as long as packages are looked for in the same places: that reads a file of each."""
     return {point.name: point for point in entry_points(group=GROUP)}
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness import locking
+from harness import files, locking
 from harness.errors import HarnessError
 from harness.progress import Bar, Progress
 from harness.regression import scoring, stored
@@ -61,7 +61,7 @@ def check_scores(
     """
     if exact and seed is not None:
         raise HarnessError("an exact check plays the episodes that are stored; leave out either --exact or --seed")
-    file = _read(Path(path))
+    file = _read(files.named(path))
     tasks = _tasks(file, allow_code, seed=seed, engine=engine)
     measurements: list[Measurement] = []
 

@@ -9,16 +9,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 from harness import files
 from harness.errors import HarnessError, nearest, quoted
@@ -53,19 +47,16 @@ def read(path: Path) -> ScoreFile:
     being checked: it is kept in ``damaged``.
 
     Raises:
-        HarnessError: no such file, no TOML, a misspelt key, a wrong type, a row listed twice; names file and line.
+        HarnessError: no such file, one of over :data:`harness.files.LARGEST_SOURCE`, no TOML, a misspelt key, a wrong
+            type, a row listed twice; names file and line.
     """
+    if not path.exists():
+        raise HarnessError(f"{path}: no such file; list what to score in it, as [[score]] tables")
+    text = files.read_source(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise HarnessError(f"{path}: no such file; list what to score in it, as [[score]] tables") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise HarnessError(f"cannot read {path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}") from None
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and nesting without end
-        known = isinstance(error, tomllib.TOMLDecodeError)
-        raise HarnessError(f"{path}: not TOML: {error if known else 'a number or a nesting without end'}") from None
+        tables = files.toml(text)
+    except ValueError as error:
+        raise HarnessError(f"{path}: not TOML: {error}") from None
     return _Reader(path, text, tables).file()
 
 
@@ -75,6 +66,7 @@ class _Reader:
     def __init__(self, path: Path, text: str, tables: dict[str, Any]) -> None:
         self.path, self.tables = path, tables
         self.text = text.splitlines()
+        self._headers: dict[str, list[int]] = {}
 
     def file(self) -> ScoreFile:
         for name in self.tables:
@@ -128,8 +120,10 @@ class _Reader:
 
     def line(self, section: str, index: int) -> int:
         """Line of the index-th header of a section; 1 where the tables are written in another way."""
-        header = re.compile(rf"\s*\[?\[\s*{section}\s*\]")
-        found = [number for number, text in enumerate(self.text, 1) if header.match(text)]
+        if section not in self._headers:
+            header = re.compile(rf"\s*\[?\[\s*{section}\s*\]")
+            self._headers[section] = [number for number, text in enumerate(self.text, 1) if header.match(text)]
+        found = self._headers[section]
         return found[index] if index < len(found) else 1
 
     def _find(self, key: str, start: int) -> int:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.errors import HarnessError, quoted
+from harness.errors import HarnessError, quoted, short
 from harness.play.evaluation import Score
 
 EXPECTED = (
@@ -60,7 +60,7 @@ def parsed(content: str, path: Path) -> pd.DataFrame:
     try:
         frame = pd.read_csv(io.StringIO(content), dtype=texts)
     except ValueError as error:  # pandas' own errors are ValueErrors
-        reason = str(error).strip().splitlines()[-1]
+        reason = str(error).strip().splitlines()[-1].removeprefix("Error tokenizing data. C error: ")
         raise HarnessError(f"{path}: not readable as CSV ({reason}); expected {EXPECTED}") from None
     if frame.empty:
         raise HarnessError(f"{path}: there are no rows in it; expected {EXPECTED}")
@@ -78,8 +78,8 @@ def numeric(frame: pd.DataFrame, path: Path, columns: Iterable[str], *, complete
         raise HarnessError(f"{path}: there is no column {', '.join(missing)}; write the file again")
     try:
         frame = frame.assign(**{name: pd.to_numeric(frame[name]) for name in names})
-    except (ValueError, TypeError) as error:
-        raise HarnessError(f"{path}: a number was expected ({error}); write the file again") from None
+    except (ValueError, TypeError, OverflowError) as error:
+        raise HarnessError(f"{path}: a number was expected ({short(str(error))}); write the file again") from None
     for name in complete:
         if not np.isfinite(frame[name]).all():
             raise HarnessError(f"{path}: a number is missing, or infinite, in the column {name}; write the file again")

@@ -9,7 +9,7 @@ from datetime import date, datetime, timezone
 from pathlib import Path
 
 from harness import files
-from harness.errors import HarnessError, quoted
+from harness.errors import HarnessError, check_whole, quoted
 from harness.model.domain import Domain
 from harness.report import comparing, evolving, inputs, records, tuned
 from harness.report.inputs import Input, Sweep, Table, Tuning
@@ -17,6 +17,8 @@ from harness.report.page import Section, page
 from harness.report.replays import Domains, Wanted, replays
 
 EPISODES = 3
+MOST_EPISODES = 1_000
+"""Of each policy, at most: a page holds them all."""
 
 
 def write_report(
@@ -48,18 +50,17 @@ def write_report(
     Raises:
         HarnessError: there is no such input, one is of no known kind or damaged, or the page cannot be written.
     """
-    if episodes < 0:
-        raise HarnessError(f"episodes must be 0 or more, not {episodes}")
-    if seed is not None and not 0 <= seed < 2**64:
-        raise HarnessError(f"seed must be a whole number from 0 to 2**64 - 1, not {seed}")
-    paths = [Path(each) for each in ([sources] if isinstance(sources, str | Path) else sources)]
+    check_whole("episodes", episodes, 0, MOST_EPISODES)
+    if seed is not None:
+        check_whole("seed", seed, 0, 2**64 - 1)
+    paths = [files.named(each) for each in ([sources] if isinstance(sources, str | Path) else sources)]
+    path = files.named(out) / "index.html"
     if not paths:
         raise HarnessError(f"a report needs something to report on: {records.EXPECTED}")
     found = [each for path in paths for each in inputs.read(path)]
     made = made or _today()
     known = Domains(domains, allow_code)
     sections = [_section(each, known, episodes, seed) for each in found]
-    path = Path(out) / "index.html"
     files.replace_text(path, page("POMDP benchmark report", made, sections))
     return path
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import Any
 
 import joblib
 import pandas as pd
 
 from harness import host
+from harness.errors import HarnessError
 from harness.ge import runs
+from harness.ge.folder import RunFolder
 from harness.reproduction import figures, paper, thresholds
 from harness.reproduction.folder import Folder
 
@@ -20,21 +23,29 @@ THRESHOLD_RUNS, THRESHOLD_CURVES = "evolved-thresholds.csv", "evolved-thresholds
 def figure_3(folder: Folder) -> None:
     """Learning curves of the full search and of both parametrized policies."""
     full_search(folder, FULL_SEARCH, paper.ROCKSAMPLE)
-    jobs = [(word, seed) for word in paper.HEURISTICS for seed in range(folder.sizes.runs)]
-    parallel = joblib.Parallel(n_jobs=folder.workers, initializer=host.end_with, initargs=(os.getpid(),))
-    histories = parallel(joblib.delayed(_thresholds)(folder, *job) for job in jobs)
-    curves = pd.concat(histories, ignore_index=True)
+    curves = _thresholds(folder)
     folder.write(THRESHOLD_CURVES, curves)
     folder.write(THRESHOLD_RUNS, thresholds.winners(folder, curves))
     folder.draw("figure3.png", figures.learning(search_history(folder, FULL_SEARCH), curves))
 
 
-def _thresholds(folder: Folder, word: str, seed: int) -> pd.DataFrame:
-    """The history of one run; from its file where it is whole."""
-    name = f"evolved-thresholds/{word}-{seed}.csv"
-    if not folder.has([name]):
-        folder.write(name, thresholds.evolve(folder, word, seed).assign(heuristic=word, seed=seed))
-    return folder.read(name)
+def _thresholds(folder: Folder) -> pd.DataFrame:
+    """The histories of all runs; of those that are not in their files yet, played now and written as they end."""
+    jobs = {
+        f"evolved-thresholds/{word}-{k}.csv": (word, k) for word in paper.HEURISTICS for k in range(folder.sizes.runs)
+    }
+    parallel = joblib.Parallel(
+        n_jobs=folder.workers, return_as="generator_unordered", initializer=host.end_with, initargs=(os.getpid(),)
+    )
+    missing = [(name, job) for name, job in jobs.items() if not folder.has([name])]
+    for name, history in parallel(joblib.delayed(_evolved)(folder, *each) for each in missing):
+        folder.write(name, history)
+    return pd.concat([folder.read(name) for name in jobs], ignore_index=True)
+
+
+def _evolved(folder: Folder, name: str, job: tuple[str, int]) -> tuple[str, pd.DataFrame]:
+    word, seed = job
+    return name, thresholds.evolve(folder, word, seed).assign(heuristic=word, seed=seed)
 
 
 def figure_6(folder: Folder) -> None:
@@ -56,7 +67,13 @@ def full_search(folder: Folder, name: str, domain: str, **options: Any) -> None:
     common: dict[str, Any] = {"workers": folder.workers, "progress": folder.progress}
     if runs.begun(path):
         runs.resume(path, **common)
-        return
+    else:
+        _begin(folder, path, domain, **common, **options)
+    folder.seal([f"{name}/seed-{k}/best.json" for k in range(s.runs)])
+
+
+def _begin(folder: Folder, path: Path, domain: str, **options: Any) -> None:
+    s = folder.sizes
     seeds: dict[str, Any] = {"runs": s.runs, "out": path} if s.runs > 1 else {"runs": 1, "out": path / "seed-0"}
     runs.evolve(
         domain,
@@ -67,15 +84,21 @@ def full_search(folder: Folder, name: str, domain: str, **options: Any) -> None:
         test_episodes=s.test_episodes,
         score_episodes=s.episodes,
         **seeds,
-        **common,
         **options,
     )
 
 
 def search_history(folder: Folder, name: str) -> pd.DataFrame:
     """The histories of all runs, with a column ``seed``."""
-    tables = [folder.read(f"{name}/seed-{k}/history.csv").assign(seed=k) for k in range(folder.sizes.runs)]
+    tables = [_history(folder.path / name / f"seed-{k}").assign(seed=k) for k in range(folder.sizes.runs)]
     return pd.concat(tables, ignore_index=True)
+
+
+def _history(path: Path) -> pd.DataFrame:
+    state = RunFolder(path).state()
+    if state is None:
+        raise HarnessError(f"{path} has lost its checkpoint.npz; put it back, or start anew in another folder")
+    return pd.DataFrame(state.rows)
 
 
 def winners(folder: Folder, name: str) -> list[dict[str, Any]]:

@@ -113,4 +113,4 @@ def _means(folder: Folder, name: str) -> list[float]:
 
 
 def _program(folder: Folder, name: str) -> str:
-    return f"```\n{(folder.path / name).read_text(encoding='utf-8').rstrip()}\n```"
+    return f"```\n{folder.read_text(name).rstrip()}\n```"

@@ -1,7 +1,14 @@
-"""What a step of a reproduction works with: the folder, the sizes, the workers."""
+"""What a step of a reproduction works with: the folder, the sizes, the workers.
+
+``results.sha256`` in it has a line for every result but pictures, as ``sha256sum`` writes them: what was changed
+by hand is noticed when it is read again, as in the folders of runs.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import io
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,10 +23,14 @@ from harness.reproduction import paper
 from harness.reproduction.sizes import Sizes
 from harness.show import drawing
 
+_DOMAINS = (paper.ROCKSAMPLE, paper.BORDERCROSS)
+_HASHES = "results.sha256"
+_MEND = "delete it and start again"
+
 
 @dataclass(frozen=True)
 class Folder:
-    """A reproduction's folder, and what it is told. All files in it are written whole or not at all."""
+    """A reproduction's folder, and what it is told. All files in it are written whole or not at all, by one process."""
 
     path: Path
     sizes: Sizes
@@ -47,12 +58,20 @@ class Folder:
             )
 
     def has(self, names: Sequence[str]) -> bool:
-        """Whether all of some files are there."""
-        return all((self.path / name).exists() for name in names)
+        """Whether all of some files are there, with their hashes; pictures have none."""
+        there = all((self.path / name).exists() for name in names)
+        return there and {name for name in names if not name.endswith(".png")} <= self._hashes().keys()
 
     def write(self, name: str, table: pd.DataFrame) -> None:
         """Write a table as CSV."""
-        files.replace_text(self.path / name, table.to_csv(index=False, lineterminator="\n"))
+        self.write_text(name, table.to_csv(index=False, lineterminator="\n"))
+
+    def write_text(self, name: str, text: str) -> None:
+        """Write a text."""
+        path = self.path / name
+        files.clear(path.parent, path.name)
+        files.replace_text(path, text)
+        self.seal([name])
 
     def read(self, name: str) -> pd.DataFrame:
         """Read a table again.
@@ -60,10 +79,7 @@ class Folder:
         Raises:
             HarnessError: it is damaged.
         """
-        try:
-            return pd.read_csv(self.path / name)
-        except (OSError, ValueError) as error:
-            raise HarnessError(f"{self.path / name} cannot be read ({error}); delete it and start again") from None
+        return pd.read_csv(io.StringIO(self.read_text(name)))
 
     def read_json(self, name: str) -> Any:
         """Read a result of a run.
@@ -71,11 +87,34 @@ class Folder:
         Raises:
             HarnessError: it is damaged.
         """
-        return files.read_json(self.path / name, "delete it and start again")
+        return json.loads(self.read_text(name, "put back the one that was there, or start anew in another folder"))
+
+    def seal(self, names: Sequence[str]) -> None:
+        """Keep the hashes of files as they are now."""
+        new = {name: _sha256(files.read_text(self.path / name, _MEND)) for name in names}
+        hashes = {**self._hashes(), **new}
+        files.replace_text(self.path / _HASHES, "".join(f"{hashes[name]}  {name}\n" for name in sorted(hashes)))
+
+    def read_text(self, name: str, mend: str = _MEND) -> str:
+        """Read a text again; ``mend`` is what the error message tells the user to do.
+
+        Raises:
+            HarnessError: it is damaged.
+        """
+        text = files.read_text(self.path / name, mend)
+        if self._hashes().get(name) != _sha256(text):
+            raise HarnessError(f"{self.path / name} is damaged, or was changed by hand; {mend}")
+        return text
+
+    def _hashes(self) -> dict[str, str]:
+        path = self.path / _HASHES
+        lines = files.read_text(path, f"delete it, and what it lists: {_MEND}").splitlines() if path.exists() else []
+        return {name: value for value, _, name in (line.partition("  ") for line in lines)}
 
     def draw(self, name: str, figure: Figure) -> None:
         """Write a figure."""
         drawing.save(figure, self.path / name)
 
 
-_DOMAINS = (paper.ROCKSAMPLE, paper.BORDERCROSS)
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

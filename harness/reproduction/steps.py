@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harness import engine as engines
-from harness import files, host, locking, registry
-from harness.errors import HarnessError
+from harness import host, locking, registry
 from harness.reproduction import baselines, evolutions, figures, paper, report
 from harness.reproduction.folder import Folder
 from harness.reproduction.sizes import FULL, Sizes
@@ -46,11 +45,11 @@ def _programs(folder: Folder, name: str, searches: dict[str, str]) -> None:
             f"# {title}: return {score['mean']:.2f} ± {score['sem']:.2f} on {score['episodes']:,} fresh episodes\n"
             + "".join(f"{line}\n" for line in record["program"])
         )
-    files.replace_text(folder.path / name, "\n".join(parts))
+    folder.write_text(name, "\n".join(parts))
 
 
 def _report(folder: Folder) -> None:
-    files.replace_text(folder.path / "report.md", report.text(folder))
+    folder.write_text("report.md", report.text(folder))
 
 
 STEPS = (
@@ -98,9 +97,7 @@ def reproduce(
         KeyboardInterrupt: Ctrl-C; call it again to go on.
     """
     chosen = engines.choose(engine, registry.load(paper.ROCKSAMPLE))
-    if workers is not None and workers < 1:
-        raise HarnessError(f"workers must be 1 or more, not {workers}")
-    folder = Folder(Path(out), sizes, chosen, workers or host.cores(), progress)
+    folder = Folder(Path(out), sizes, chosen, host.workers(workers), progress)
     folder.begin()
     for step in STEPS:
         done = folder.has(step.files)

@@ -7,6 +7,7 @@ standard error. It is drawn from that: no episode has to be at hand, and a table
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -14,8 +15,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from harness.engine import rng
-from harness.errors import HarnessError
-from harness.score.table import by_domain
+from harness.errors import HarnessError, check_whole
+from harness.score.table import by_domain, check_columns
 
 FLOOR = "random-legal"
 """The policy whose return is 0 on the common scale; the lowest upper bound is 1."""
@@ -23,6 +24,7 @@ FLOOR = "random-legal"
 BOUND_KIND = "upper bound"
 """What the column ``kind`` says of a bound."""
 
+_MOST_RESAMPLES = 1_000_000
 _MEASURES = {"": ("mean", "sem"), "discounted_": ("discounted_mean", "discounted_sem")}
 _SUMMARIES: dict[str, Callable[..., NDArray[np.float64]]] = {"mean": np.mean, "median": np.median}
 
@@ -47,6 +49,9 @@ def aggregate(table: pd.DataFrame, *, resamples: int = 2_000, seed: int = 0) -> 
     Raises:
         HarnessError: a domain has no row ``random-legal``, no upper bound, or two rows of one name.
     """
+    check_whole("resamples", resamples, 1, _MOST_RESAMPLES)
+    check_whole("seed", seed, 0, 2**64 - 1)
+    check_columns(table, ("domain", "policy", "kind", *itertools.chain(*_MEASURES.values())))
     parts = [_checked(part) for part in by_domain(table)]
     if not parts:
         raise HarnessError("there are no rows to aggregate")

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from harness import engine as engines
+from harness import host, registry
 from harness import policy as specs
-from harness import registry
 from harness.errors import HarnessError, PolicyError
 from harness.model.domain import Domain
-from harness.play.evaluation import EPISODES, HORIZON, Evaluation, evaluate
+from harness.play.evaluation import EPISODES, HORIZON, KEPT, Evaluation, check_played, evaluate
 from harness.policy import Policy
+from harness.policy.base import whole
 from harness.progress import Bar, Progress
 from harness.score import published
 from harness.score.paired import Paired, holm, paired
@@ -61,6 +62,7 @@ def compare(
     """
     settings = _Settings(episodes, seed, horizon, workers, progress)
     entries = [entry for each in _domains(domain) for entry in _entries(each, policies, against, engine)]
+    _check(entries, settings, keep=against is not None)
     rows: list[_Row] = []
     try:
         for entry in entries:
@@ -172,7 +174,7 @@ def _row(entry: _Entry, settings: _Settings, *, keep: bool) -> _Row:
 
 
 def _played(entry: _Entry, policy: Policy, settings: _Settings) -> Evaluation:
-    count = settings.episodes or min(EPISODES, getattr(policy, "max_episodes", EPISODES))
+    count = _episodes(settings.episodes, policy)
     with Bar(settings.progress, count, desc=entry.name, unit="episode", delay=2) as bar:
         return evaluate(
             entry.domain,
@@ -184,6 +186,20 @@ def _played(entry: _Entry, policy: Policy, settings: _Settings) -> Evaluation:
             workers=settings.workers,
             progress=bar.update,
         )
+
+
+def _episodes(given: int | None, policy: Policy) -> int:
+    return min(EPISODES, whole(policy, "max_episodes", EPISODES)) if given is None else given
+
+
+def _check(entries: list[_Entry], settings: _Settings, *, keep: bool) -> None:
+    """Check, before anything is played, the numbers and the memory of all rows together."""
+    counts = [_episodes(settings.episodes, entry.policy) for entry in entries if entry.policy is not None]
+    for count in counts:
+        check_played(episodes=count, seed=settings.seed, horizon=settings.horizon)
+    host.workers(settings.workers)
+    if keep:
+        host.check_memory(f"to compare {len(counts)} policies episode by episode", sum(counts) * KEPT)
 
 
 def _cells(entry: _Entry, result: Evaluation) -> dict[str, Any]:

@@ -10,10 +10,10 @@ from typing import Any
 import pandas as pd
 from tabulate import tabulate
 
-from harness.errors import HarnessError, nearest
+from harness.errors import HarnessError, nearest, quoted
 from harness.score import published
 from harness.score.aggregation import aggregate
-from harness.score.table import COLUMNS, DIFFERENCES, by_domain
+from harness.score.table import DIFFERENCES, by_domain, check_columns
 
 FORMATS = ("table", "markdown", "latex", "csv", "json")
 
@@ -37,9 +37,8 @@ def render(table: pd.DataFrame, format: str = "table") -> str:
         HarnessError: there is no such format, or columns of the table are missing.
     """
     if format not in FORMATS:
-        raise HarnessError(f"no format '{format}'{nearest(format, FORMATS)} (known: {', '.join(FORMATS)})")
-    if missing := [name for name in COLUMNS if name not in table]:
-        raise HarnessError(f"this is no whole comparison table: it has no column {missing[0]}")
+        raise HarnessError(f"no format {quoted(format)}{nearest(format, FORMATS)} (known: {', '.join(FORMATS)})")
+    check_columns(table)
     if format == "csv":
         flat = table.assign(reference=table["reference"].map(_brief))
         return flat.to_csv(index=False)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pandas as pd
+
+from harness.errors import HarnessError
 
 COLUMNS = (
     "policy",
@@ -52,6 +56,16 @@ class Table(pd.DataFrame):
         from harness.score.rendering import html
 
         return html(self)
+
+
+def check_columns(table: pd.DataFrame, names: Sequence[str] = COLUMNS) -> None:
+    """Check that a table has columns of these names, by default those that every comparison has.
+
+    Raises:
+        HarnessError: a column is missing.
+    """
+    if missing := [name for name in names if name not in table]:
+        raise HarnessError(f"this is no whole comparison table: it has no column {missing[0]}")
 
 
 def by_domain(table: pd.DataFrame) -> list[pd.DataFrame]:

@@ -13,14 +13,14 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from harness import engine as engines
+from harness import host, registry
 from harness import policy as policies
-from harness import registry
 from harness.engine.batch import Batch
 from harness.errors import HarnessError
 from harness.model.domain import Domain
-from harness.play.evaluation import HORIZON, Z95, simulate
+from harness.play.evaluation import HORIZON, Z95, check_played, simulate
 from harness.policy import Policy
-from harness.score.table import by_domain
+from harness.score.table import by_domain, check_columns
 from harness.show.drawing import LINE, SECOND, axes_or_new, blank, cells, plain
 
 _ROBOTS = (LINE, SECOND)
@@ -132,7 +132,10 @@ def compare_figure(table: pd.DataFrame) -> Figure:
     ``table`` is what :func:`harness.compare` returns; each of its domains has a row of panels. An upper bound is a
     dashed line.
     """
+    check_columns(table)
     parts = by_domain(table)
+    if not parts:
+        raise HarnessError("there are no rows to draw")
     bars = [max(1, int((part["kind"] == "policy").sum())) for part in parts]
     figure = blank(7.5, 0.4 + sum(0.6 + 0.34 * count for count in bars))
     panels = figure.subplots(len(parts), 2, sharey="row", squeeze=False, height_ratios=[2 + count for count in bars])
@@ -170,12 +173,17 @@ class _Frame(NamedTuple):
     features: NDArray[np.float64]
 
 
+_FRAME = 500  # bytes of one, besides its features
+
+
 def _play(
     domain: Domain, policy: str | Policy, seed: int, episode: int, horizon: int, engine: str
 ) -> tuple[str, list[_Frame]]:
     """The policy's name, and one episode of it."""
     name, made = policies.named(policy, domain)
     frames: list[_Frame] = []
+    check_played(seed=seed, episode=episode, horizon=horizon)
+    host.check_memory(f"a picture of {horizon:,} steps", horizon * (8 * len(domain.features) + _FRAME))
     for record in simulate(domain, made, engines.choose(engine, domain), seed, episode, 1, horizon):
         batch = record.batch
         tracked = batch.marginals.shape[1] > 0

@@ -10,7 +10,7 @@ from harness import policy as policies
 from harness import registry
 from harness.engine.batch import Batch
 from harness.model.domain import Domain
-from harness.play.evaluation import HORIZON, simulate
+from harness.play.evaluation import HORIZON, check_played, simulate
 from harness.policy import Policy
 
 MANY_FEATURES = 15
@@ -44,6 +44,7 @@ class Step(NamedTuple):
 
 def steps(domain: Domain, policy: Policy, engine: str, seed: int, episode: int, horizon: int) -> Iterator[Step]:
     """Yield the start and then each step of episode number ``episode`` of a seed, as ``evaluate`` plays it."""
+    check_played(seed=seed, episode=episode, horizon=horizon)
     total, discounted, weight = 0.0, 0.0, 1.0
     for number, record in enumerate(simulate(domain, policy, engine, seed, episode, 1, horizon)):
         if record.actions is None:
@@ -125,15 +126,19 @@ def _grid(batch: Batch) -> list[str]:
         marks |= {(layout["wall_column"], y): "X" for y in range(1, rows + 1)}
         marks |= {(layout["exit_column"], y): ">" for y in range(1, rows + 1)}
         for robot in ("1", "2"):
-            if f"row{robot}" in here:
+            if here.keys() >= {f"row{robot}", f"column{robot}"}:
                 cell = here[f"column{robot}"], here[f"row{robot}"]
                 marks[cell] = "B" if marks.get(cell) == "1" else robot
     order = range(rows, 0, -1) if layout["rows_grow"] == "up" else range(1, rows + 1)
     return ["  " + " ".join(marks.get((x, y), ".") for x in range(1, columns + 1)) for y in order]
 
 
+_SYMBOLS = "123456789abcdefghijklmnopqrstuvwxyz"
+
+
 def _symbol(i: int) -> str:
-    return "123456789abcdefghijklmnopqrstuvwxyz"[i]
+    """The mark of a rock in its cell; a star where there are more rocks than marks."""
+    return _SYMBOLS[i] if i < len(_SYMBOLS) else "*"
 
 
 def _belief(batch: Batch) -> list[str]:
@@ -152,7 +157,7 @@ def label(domain: Domain, i: int) -> str:
     """What belief feature ``i`` is about: ``rock 3``, ``robot 2 (4, 1)``."""
     name, factor, value = domain.features[i]
     if domain.layout["kind"] == "rocksample":
-        return f"rock {_symbol(factor)}"
+        return f"rock {_symbol(factor) if factor < len(_SYMBOLS) else factor + 1}"
     return (
         f"{domain.factors[factor]} {domain.factor_labels[factor][value]}"
         if len(domain.features) > MANY_FEATURES

@@ -62,7 +62,7 @@ class Episodes:
     def _together(self, subject: Constants, ask: Ask) -> NDArray[np.float64]:
         """The same returns, by one compiled loop over all points that meet the same episodes."""
         returns = np.empty((len(ask.points), ask.episodes))
-        engine, workers = engines.choose(self.engine, self.domain), self.workers or host.cores()
+        engine, workers = engines.choose(self.engine, self.domain), host.workers(self.workers)
         for first in np.unique(ask.first):
             rows = np.flatnonzero(ask.first == first)
             programs = [subject.at(ask.points[row]) for row in rows]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from harness import files, host, locking, registry
 from harness import policy as policies
 from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
+from harness.play import population
 from harness.play.evaluation import EPISODES, HORIZON, mean_and_sem
 from harness.progress import Bar, Progress
 from harness.tuning import journal, objective
@@ -94,6 +96,7 @@ def tune(
     if resume and out is None:
         raise HarnessError("resume needs the folder of the run: out")
     search, start = _method(method, subject, seed, settings), subject.text(subject.start)
+    _check_memory(domain, subject, search, horizon, max(validation_episodes, final_episodes))
     parameters = {
         "domain": domain.name,
         "shaping": domain.shaping,
@@ -136,6 +139,13 @@ def _method(name: str, subject: Tunable, seed: int, settings: Mapping[str, float
             f"{MOST_EPISODES:,} are the most; take fewer"
         )
     return configure(METHODS[name], subject, seed, settings)
+
+
+def _check_memory(domain: Domain, subject: Tunable, search: Method, horizon: int, others: int) -> None:
+    if isinstance(subject, Constants):  # these are played together, their random numbers made beforehand
+        first = copy.deepcopy(search).ask(0)
+        host.check_memory(*population.memory(domain, len(first.points), first.episodes, horizon))
+        host.check_memory(*population.memory(domain, 1, others, horizon))
 
 
 def resume(folder: str | Path, **given: Any) -> Tuned:

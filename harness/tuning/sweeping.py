@@ -12,7 +12,7 @@ import pandas as pd
 from harness import engine as engines
 from harness import host, locking, registry
 from harness import policy as policies
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, evaluate
 from harness.progress import Bar, Progress
@@ -148,18 +148,27 @@ def _values(
     """The values of number ``k`` as given or evenly spaced, checked."""
     low, high = float(subject.lower[k]), float(subject.upper[k])
     if values is None:
-        values = _grid(low if start is None else start, high if stop is None else stop, points)
+        ends = low if start is None else _number("start", start), high if stop is None else _number("stop", stop)
+        values = _grid(*ends, points)
     if not 0 < len(values) <= MOST_POINTS:
         raise HarnessError(f"a sweep needs values, {MOST_POINTS:,} at most, not {len(values):,}")
+    values = [_number("a value of a sweep", x) for x in values]
     wrong = [x for x in (values[0], values[-1], *values) if not low <= x <= high]
     if wrong:  # the ends first: they are what the user gave
         raise HarnessError(f"{subject.names[k]} lies between {low:g} and {high:g}; {wrong[0]:g} is out of range")
-    return [float(x) for x in values]
+    return values
+
+
+def _number(name: str, x: float) -> float:
+    try:
+        return float(x)
+    except (TypeError, ValueError, OverflowError):
+        raise HarnessError(f"{name} must be a number, not {quoted(x)}") from None
 
 
 def _grid(start: float, stop: float, points: int) -> list[float]:
     if not 2 <= points <= MOST_POINTS:
-        raise HarnessError(f"a sweep has 2 points or more, {MOST_POINTS:,} at most, not {points:,}")
+        raise HarnessError(f"a sweep has 2 points or more, {MOST_POINTS:,} at most, not {quoted(points)}")
     if not start < stop:
         raise HarnessError(f"a sweep goes upward: from {start:g} to {stop:g} there is nothing")
     return [round(float(x), _DECIMALS) for x in np.linspace(start, stop, points)]
