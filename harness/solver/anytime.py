@@ -7,28 +7,38 @@ given four times the cells. So the bounds after so many blocks are the same on a
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import host
 from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.solver import grid, refining, search
 from harness.solver import levels as level_sets
+from harness.solver.backups import Backups, backups
 from harness.solver.branches import Branches, branches_of
+from harness.solver.floor import robust
 from harness.solver.grid import Above
 from harness.solver.levels import Levels
-from harness.solver.search import N_EDGES, N_NODES, Graph, Model
+from harness.solver.lookahead import Model
+from harness.solver.search import N_EDGES, N_NODES, Graph
 
 _FIRST_CELLS = 10_000
 _GROWTH = 4
 _SWEEPS = 40
-_STILL = 0.01
-"""A grid is swept until no value falls by more than this share of the bounds' gap at the start."""
-_VALUES_A_NODE = 1000
-"""Backups of the grid that cost as much as a node of the search; measured, roughly."""
-_BLOCK = 2_000_000  # grid values in one call of compiled code: about a second, so that Ctrl-C is heard
+_STILL = 0.05
+"""A grid is swept until the start's value seems to fall by no more than this share of the bounds' gap."""
+_SETTLING = 0.3
+"""Share of the last sweep's fall that the next one is taken to have, before two sweeps of a grid have shown it."""
+_VALUES_A_NODE = 400
+"""Values of the grid that are backed up in the time of a node of the search; measured, roughly."""
+_ABREAST = 1000
+"""Cells of a wave from which on several cores share it."""
+_BLOCK = 50_000_000  # values of the grid in one call: a second or two, so that Ctrl-C and the time limit are heard
 
 
 @dataclass(frozen=True)
@@ -42,17 +52,25 @@ class Course:
     floor_action: NDArray[np.int32]
     """(V,) by which action"""
     levels: Levels
-    backups: grid.Backups
+    backups: Backups
     """Of these levels"""
     value: NDArray[np.float32]
     """(cells, V) the grid"""
     graph: Graph
+    waves: list[NDArray[np.int32]]
+    """Its cells in the order of a sweep"""
     stage: int
     """Grids so far"""
     sweeps: int
     """Of this grid"""
-    moved: NDArray[np.bool_]
-    """(cells,) which cells fell in the last sweep"""
+    wave: int
+    """The next one of the sweep under way"""
+    before: float
+    """The grid's value at the start before that sweep"""
+    fall: float
+    """of that value in the last sweep"""
+    settling: float
+    """Falls of two sweeps in a row, the later over the earlier one"""
     still: bool
     """Whether this grid has come to a standstill"""
     quota: int
@@ -71,7 +89,12 @@ class Course:
     @property
     def memory(self) -> int:
         """Bytes of the grid and the graph."""
-        return int(self.value.nbytes + sum(array.nbytes for array in self.graph))
+        return int(self.value.nbytes + 4 * self.levels.cells + sum(array.nbytes for array in self.graph))
+
+    @property
+    def grid_value(self) -> float:
+        """The grid's upper bound at the start."""
+        return float(grid.grid_value(self.model.above, self.branches.factor_offset, *root(self.graph)))
 
     @property
     def model(self) -> Model:
@@ -92,16 +115,17 @@ def begin(domain: Domain) -> Course:
     if not 0 < domain.discount < 1:
         raise HarnessError(f"{domain.name} has discount {domain.discount:g}; solving needs one between 0 and 1")
     b = branches_of(domain)
-    floor, action = grid.robust(b, 1e-9)
+    floor, action = robust(b, 1e-9)
     levels = level_sets.make(level_sets.corners(domain.factor_sizes))
     terminal = domain.arrays["terminal"]
     value = np.empty((levels.cells, domain.n_visible), dtype=np.float32)
     value[:] = np.nextafter(np.float32(max(0.0, b.reward.max()) / (1.0 - b.discount)), np.float32(np.inf))
     value[:, terminal] = 0.0
     graph = search.empty(b, 20_000, 100_000)
-    moved = np.ones(levels.cells, dtype=np.bool_)
-    backups = grid.backups(b, levels, floor)
-    course = Course(domain, b, floor, action, levels, backups, value, graph, 0, 0, moved, False, 0)
+    tables = backups(b, levels, floor)
+    course = Course(
+        domain, b, floor, action, levels, tables, value, graph, grid.waves(levels), 0, 0, 0, np.inf, 0.0, _SETTLING, False, 0
+    )  # fmt: skip
     starts = roots(domain)
     if len(starts) > 1 or (domain.arrays["prior_factor"] >= 0).any():  # a first reading splits the start, too
         raise HarnessError(
@@ -109,6 +133,11 @@ def begin(domain: Domain) -> Course:
         )
     search.node_of(graph, course.model, *starts[0])
     return course
+
+
+def root(graph: Graph) -> tuple[int, NDArray[np.float64]]:
+    """Visible value and belief (N,) of the start."""
+    return int(graph.visible[0]), graph.belief[0]
 
 
 def roots(domain: Domain) -> list[tuple[int, NDArray[np.float64]]]:
@@ -149,34 +178,35 @@ def _progress(course: Course) -> tuple[float, float, int]:
 
 
 def _swept(course: Course) -> Course:
-    """One sweep of the grid."""
-    enough = _STILL * (course.upper - course.lower)
-    moving = np.zeros(course.levels.cells, dtype=np.bool_)
-    step = max(1, _BLOCK // course.value.shape[1])
-    backward, fall = course.sweeps % 2 == 1, 0.0
-    parts = [(low, min(low + step, course.levels.cells)) for low in range(0, course.levels.cells, step)]
-    for low, high in reversed(parts) if backward else parts:
-        fell = grid.sweep(
-            course.value,
-            course.backups,
-            course.levels.offset,
-            course.levels.stride,
-            course.floor,
-            course.branches.discount,
-            backward,
-            low,
-            high,
-            course.moved,
-            moving,
-            0.1 * enough,
-        )
-        fall = max(fall, fell)
-    sweeps = course.sweeps + 1
-    still = fall <= enough or (sweeps >= _SWEEPS and course.stage > 0)
+    """Some waves of a sweep of the grid, on all cores."""
+    wave, done = course.wave, 0
+    if wave == 0:
+        course = replace(course, before=course.grid_value)
+    with ThreadPoolExecutor(host.cores()) as pool:
+        while wave < len(course.waves) and done < _BLOCK:
+            cells = course.waves[wave]
+            parts = np.array_split(cells, host.cores()) if len(cells) > _ABREAST else [cells]
+            list(pool.map(partial(_sweep, course), parts))
+            wave, done = wave + 1, done + len(cells) * course.value.shape[1]
+    return replace(course, wave=wave) if wave < len(course.waves) else _after_sweep(course)
+
+
+def _sweep(course: Course, cells: NDArray[np.int32]) -> None:
+    levels, b = course.levels, course.branches
+    grid.sweep(course.value, course.backups, cells, levels.offset, levels.stride, course.floor, b.discount)
+
+
+def _after_sweep(course: Course) -> Course:
+    now, sweeps = course.grid_value, course.sweeps + 1
+    fall = course.before - now
+    settling = min(0.99, fall / course.fall) if sweeps > 1 and course.fall > 0 else course.settling
+    enough = _STILL * (min(now, course.upper) - course.lower)
+    still = fall * settling / (1 - settling) <= enough or sweeps >= _SWEEPS
     if still:
+        course = replace(course, graph=search.pruned(course.graph, course.branches))
         search.refresh(course.graph, course.model)
     quota = max(2000, course.value.size * sweeps // _VALUES_A_NODE) if still and course.stage > 0 else 0
-    return replace(course, sweeps=sweeps, still=still, quota=quota, moved=moving)
+    return replace(course, sweeps=sweeps, wave=0, fall=fall, settling=settling, still=still, quota=quota)
 
 
 def _tried(course: Course, gap: float, memory: int) -> Course:
@@ -208,10 +238,10 @@ def _finer(course: Course, memory: int) -> Course | None:
     return replace(
         course,
         levels=levels,
-        backups=grid.backups(course.branches, levels, course.floor),
+        backups=backups(course.branches, levels, course.floor),
         value=value,
+        waves=grid.waves(levels),
         stage=course.stage + 1,
         sweeps=0,
         still=False,
-        moved=np.ones(levels.cells, dtype=np.bool_),
     )
