@@ -26,131 +26,193 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.model.tables import compiled, inlined
-from harness.solver.backups import Backups, Rows
 from harness.solver.levels import Levels, mixture
 
 UP = 1.2e-7
 """Relative; more than half the spacing of float32, so that what is rounded to it after the addition is not below."""
-_ABREAST = 16
-_TOLERANCE = 1e-10
-
-
-def waves(levels: Levels) -> list[NDArray[np.int32]]:
-    """All cells in the order of a sweep: from certainty to doubt, in waves that a sweep may do in any order.
-
-    The levels of a factor are ranked, the certain ones first. A wave holds the cells of one sum of ranks: two of them
-    differ in two factors at least, so that neither reads the other. What a reading leads to is mostly more certain than
-    what it came from, hence has its new value already.
-    """
-    total = np.zeros(1, dtype=np.int32)
-    for k in range(len(levels.stride)):
-        point = levels.point[levels.offset[k] : levels.offset[k + 1]]
-        rank = np.empty(len(point), dtype=np.int32)
-        rank[np.argsort(-point.max(axis=1), kind="stable")] = np.arange(len(point))
-        total = (total[:, None] + rank).ravel()
-    order = np.argsort(total.astype(np.uint16), kind="stable").astype(np.int32)
-    return np.split(order, np.cumsum(np.bincount(total))[:-1])
-
-
-@compiled
-def sweep(
-    value: NDArray[np.float32],
-    s: Backups,
-    cells: NDArray[np.int32],
-    offset: NDArray[np.int64],
-    stride: NDArray[np.int64],
-    floor: NDArray[np.float64],
-    discount: float,
-) -> None:
-    """Back up cells of one wave, in place; ``value`` (all cells, V).
-
-    Moves within a cell are solved from ``floor`` (V,), a lower bound of the value, for ``_ABREAST`` cells at once.
-    """
-    V = value.shape[1]
-    now, best, dense = np.zeros((V, _ABREAST)), np.zeros(V), np.zeros(V)
-    slack = 1e-12 * (1.0 + np.abs(floor).max())
-    for begin in range(0, len(cells), _ABREAST):
-        count = min(_ABREAST, len(cells) - begin)
-        for c in range(count):
-            best[:] = floor
-            _touch(value, s, cells[begin + c], offset, stride, best, dense)
-            for v in range(V):
-                now[v, c] = best[v]
-        excess = slack + _move(s.moves, now) / (1.0 - discount)
-        for c in range(count):
-            mine = value[cells[begin + c]]
-            for v in range(V):
-                new = now[v, c] + excess
-                mine[v] = min(mine[v], np.float32(new + UP * abs(new)))
-
-
-@inlined
-def _touch(
-    value: NDArray[np.float32],
-    s: Backups,
-    cell: int,
-    offset: NDArray[np.int64],
-    stride: NDArray[np.int64],
-    best: NDArray[np.float64],
-    scratch: NDArray[np.float64],
-) -> None:
-    """Raise ``best`` (V,) to the best of what touches a factor."""
-    r, rest = s.rows, cell
-    for k in range(len(stride)):
-        place = rest // stride[k]
-        rest -= place * stride[k]
-        level = offset[k] + place
-        for d in range(s.block[level], s.block[level + 1]):
-            reward = s.dense_reward[d]
-            for v in range(len(best)):
-                scratch[v] = reward[v]
-            for e in range(s.dense_first[d], s.dense_first[d + 1]):
-                there, weight = value[cell + s.dense_step[e]], s.dense_weight[e]
-                for v in range(len(best)):
-                    scratch[v] += weight[v] * np.float64(there[v])
-            for v in range(len(best)):
-                best[v] = scratch[v] if scratch[v] > best[v] else best[v]
-        for j in range(s.group[level], s.group[level + 1]):
-            total = r.reward[j]
-            for e in range(r.first[j], r.first[j + 1]):
-                total += r.weight[e] * np.float64(value[cell + r.step[e], r.visible[e]])
-            best[r.at[j]] = max(best[r.at[j]], total)
-
-
-@inlined
-def _move(m: Rows, now: NDArray[np.float64]) -> float:
-    """Raise ``now`` (V, _ABREAST) by the moves that touch no factor until nothing rises; by how much it did last."""
-    change, passes = _TOLERANCE + 1.0, 0
-    rise, total = np.zeros(_ABREAST), np.zeros(_ABREAST)
-    while change > _TOLERANCE and passes < 10_000:
-        rise[:] = 0.0
-        for i in range(len(m.at)):
-            j = i if passes % 2 == 0 else len(m.at) - 1 - i
-            mine, e = now[m.at[j]], m.first[j]
-            there, weight, reward = now[m.visible[e]], m.weight[e], m.reward[j]
-            for c in range(_ABREAST):
-                total[c] = reward + weight * there[c]
-            for e in range(m.first[j] + 1, m.first[j + 1]):
-                there, weight = now[m.visible[e]], m.weight[e]
-                for c in range(_ABREAST):
-                    total[c] += weight * there[c]
-            for c in range(_ABREAST):
-                up = total[c] - mine[c]
-                rise[c] = up if up > rise[c] else rise[c]
-                mine[c] = total[c] if up > 0.0 else mine[c]
-        change = rise.max()
-        passes += 1
-    return change
 
 
 class Above(NamedTuple):
-    """The product grid, to be asked for an upper bound anywhere."""
+    """The product grid, to be asked for an upper bound anywhere.
+
+    A whole grid has a row for every cell, in their order. A sparse one has rows for the cells met so far, found by a
+    hash table; what it does not hold lies between the rows of a coarser whole grid, the base. L levels in all.
+    """
 
     value: NDArray[np.float32]
-    """(cells, V)"""
+    """(rows, V); in a sparse grid, row 0 is for what is not kept"""
     offset: NDArray[np.int64]
     point: NDArray[np.float64]
     stride: NDArray[np.int64]
+    table: NDArray[np.int64]
+    """Open addressing: rows by the hash of their cells, 0: free. A power of two long; empty in a whole grid."""
+    cell: NDArray[np.int64]
+    """(rows,) of a sparse grid"""
+    count: NDArray[np.int64]
+    """(1,) rows in use, of a sparse grid"""
+    base: NDArray[np.float32]
+    """(base's cells, V)"""
+    base_first: NDArray[np.int64]
+    """(L + 1,) each level as a mixture of the base's levels: where its entries begin"""
+    base_step: NDArray[np.int64]
+    """(entries,) what the base's level adds to the number of a cell"""
+    base_share: NDArray[np.float64]
+    """(entries,)"""
+
+
+def whole(value: NDArray[np.float32], levels: Levels) -> Above:
+    """A grid that has all cells."""
+    none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
+    return Above(
+        value, levels.offset, levels.point, levels.stride, none, none, none, value[:0], none, none, nothing
+    )  # fmt: skip
+
+
+def sparse(base: NDArray[np.float32], old: Levels, new: Levels, sizes: Sequence[int], rows: int) -> Above:
+    """A grid of more levels over a whole one, with room for so many rows and none in use."""
+    first, steps, shares = [0], [], []
+    for k, n in enumerate(sizes):
+        points = new.point[new.offset[k] : new.offset[k + 1]]
+        for level, share, count in zip(*_mixtures(old.offset, old.point, k, n, points), strict=True):
+            steps.append(level[:count] * old.stride[k])
+            shares.append(share[:count])
+            first.append(first[-1] + int(count))
+    return Above(
+        np.empty((rows, base.shape[1]), dtype=np.float32),
+        new.offset,
+        new.point,
+        new.stride,
+        np.zeros(1 << int(np.ceil(np.log2(2 * rows))), dtype=np.int64),
+        np.zeros(rows, dtype=np.int64),
+        np.ones(1, dtype=np.int64),
+        base,
+        np.array(first),
+        np.concatenate(steps),
+        np.concatenate(shares),
+    )
+
+
+def roomier(above: Above, rows: int) -> Above:
+    """The same sparse grid with room for more rows."""
+    used = int(above.count[0])
+    value, cell = np.empty((rows, above.value.shape[1]), dtype=np.float32), np.zeros(rows, dtype=np.int64)
+    value[:used], cell[:used] = above.value[:used], above.cell[:used]
+    table = np.zeros(1 << int(np.ceil(np.log2(2 * rows))), dtype=np.int64)
+    larger = above._replace(value=value, cell=cell, table=table)
+    _rehash(larger)
+    return larger
+
+
+@compiled
+def _rehash(above: Above) -> None:
+    for row in range(1, above.count[0]):
+        above.table[_slot(above, above.cell[row])] = row
+
+
+@compiled
+def carry(old: Above, new: Above, place: NDArray[np.int64]) -> None:
+    """Copy the rows of a sparse grid to one of more levels; ``place`` (L,) is where each level is among the new ones."""
+    for row in range(1, old.count[0]):
+        rest, cell = old.cell[row], np.int64(0)
+        for k in range(len(old.stride)):
+            level = old.offset[k] + rest // old.stride[k]
+            rest -= (rest // old.stride[k]) * old.stride[k]
+            cell += place[level] * new.stride[k]
+        new.cell[row] = cell
+        new.value[row] = old.value[row]
+    new.count[0] = old.count[0]
+    _rehash(new)
+
+
+@inlined
+def _slot(above: Above, cell: int) -> int:
+    """Where in the table a cell is, or would be."""
+    mask = len(above.table) - 1
+    slot = np.int64((np.uint64(cell) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(20)) & mask
+    while above.table[slot] > 0 and above.cell[above.table[slot]] != cell:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@inlined
+def row_of(above: Above, cell: int) -> int:
+    """The row of a cell. In a sparse grid one is made from the base if there is none, and kept if there is room."""
+    if len(above.table) == 0:
+        return cell
+    slot = _slot(above, cell)
+    row = above.table[slot]
+    if row == 0:
+        if above.count[0] < len(above.cell):
+            row = above.count[0]
+            above.count[0] += 1
+            above.cell[row] = cell
+            above.table[slot] = row
+        _fill(above, cell, row)
+    return row
+
+
+@inlined
+def _value_at(above: Above, cell: int, v: int) -> float:
+    """The upper bound at a cell, whether the grid holds it or not."""
+    if len(above.table) == 0:
+        return np.float64(above.value[cell, v])
+    row = above.table[_slot(above, cell)]
+    if row > 0:
+        return np.float64(above.value[row, v])
+    return _between(above, cell, v)
+
+
+@compiled
+def _between(above: Above, cell: int, v: int) -> float:
+    """The base's mixture for a cell."""
+    K, size = len(above.stride), 1
+    level, rest = np.empty(K, dtype=np.int64), cell
+    for k in range(K):
+        level[k] = above.offset[k] + rest // above.stride[k]
+        rest -= (rest // above.stride[k]) * above.stride[k]
+        size *= above.base_first[level[k] + 1] - above.base_first[level[k]]
+    total, width = 0.0, 0.0
+    for i in range(size):
+        rest, there, weight = i, 0, 1.0
+        for k in range(K):
+            first = above.base_first[level[k]]
+            count = above.base_first[level[k] + 1] - first
+            there += above.base_step[first + rest % count]
+            weight *= above.base_share[first + rest % count]
+            rest //= count
+        term = weight * np.float64(above.base[there, v])
+        total += term
+        width += abs(term)
+    return total + (size + 2 * K) * 2.0**-52 * width
+
+
+@compiled
+def _fill(above: Above, cell: int, row: int) -> None:
+    """Write the base's mixture for a cell to a row."""
+    V, K, size = above.value.shape[1], len(above.stride), 1
+    for again in range(2):
+        if again == 1:
+            cells, weights = np.zeros(size, dtype=np.int64), np.ones(size)
+        rest, total = cell, 1
+        for k in range(K):
+            level = above.offset[k] + rest // above.stride[k]
+            rest -= (rest // above.stride[k]) * above.stride[k]
+            first, count = above.base_first[level], above.base_first[level + 1] - above.base_first[level]
+            for e in range(count - 1 if again == 1 else -1, -1, -1):
+                for i in range(total):
+                    cells[e * total + i] = cells[i] + above.base_step[first + e]
+                    weights[e * total + i] = weights[i] * above.base_share[first + e]
+            total *= count
+        size = total
+    sums, sizes = np.zeros(V), np.zeros(V)
+    for i in range(size):
+        there, weight = above.base[cells[i]], weights[i]
+        for v in range(V):
+            sums[v] += weight * np.float64(there[v])
+            sizes[v] += weight * abs(np.float64(there[v]))
+    mine = above.value[row]
+    for v in range(V):
+        mine[v] = np.float32(sums[v] + (UP + (size + K) * 2.0**-52) * sizes[v])
 
 
 @inlined
@@ -199,7 +261,7 @@ def mixed(
     """The grid's upper bound at a mixture of cells, all moved by ``shift``; its rounding is added."""
     total, size = 0.0, 0.0
     for i in range(count):
-        term = weights[i] * np.float64(above.value[cells[i] + shift, v])
+        term = weights[i] * _value_at(above, cells[i] + shift, v)
         total += term
         size += abs(term)
     return total + (count + 2 * len(above.stride) + 10) * 2.0**-52 * size

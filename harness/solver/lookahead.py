@@ -22,6 +22,8 @@ class Model(NamedTuple):
 
     branches: Branches
     above: Above
+    quick: Above
+    """The whole grid below a sparse one: looser, and quickly asked"""
     floor: NDArray[np.float64]
     """(V,) what can be had whatever is hidden"""
     slack: float
@@ -29,9 +31,9 @@ class Model(NamedTuple):
 
 @inlined
 def posterior(
-    b: Branches, i: int, n: int, k: int, before: NDArray[np.float64], first: int, after: NDArray[np.float64], snap: bool
+    b: Branches, i: int, n: int, k: int, before: NDArray[np.float64], first: int, after: NDArray[np.float64]
 ) -> float:
-    """Write the factor's belief after branch ``i`` to ``after[first:]``; the branch's probability."""
+    """Write the factor's belief after branch ``i``, in multiples of 1/SNAP, to ``after[first:]``; its probability."""
     total, start = 0.0, b.branch[i].matrix
     if k < 0:
         return b.matrix[start]
@@ -44,9 +46,7 @@ def posterior(
     if total > 0.0:
         rest = 1.0
         for xp in range(n - 1, 0, -1):
-            p = after[first + xp] / total
-            if snap:
-                p = np.floor(p * SNAP + 0.5) / SNAP
+            p = np.floor(after[first + xp] / total * SNAP + 0.5) / SNAP
             after[first + xp] = p
             rest -= p
         after[first] = max(0.0, rest)
@@ -54,33 +54,35 @@ def posterior(
 
 
 @compiled
-def look_ahead(b: Branches, above: Above, v: int, belief: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-    """Write the grid's upper bound of every action (A,) at visible value ``v`` and an exact belief (N,)."""
+def action_value(b: Branches, above: Above, v: int, belief: NDArray[np.float64], a: int) -> float:
+    """A grid's upper bound of an action at visible value ``v`` and an exact belief (N,)."""
+    va = v * b.n_actions + a
+    k = b.factor[va]
+    n = 1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]
+    first = 0 if k < 0 else b.factor_offset[k]
     size = widest(above, b.factor_offset, belief)
     cells, weights, after = np.empty(size, dtype=np.int64), np.empty(size), belief.copy()
     level, share = np.zeros(above.point.shape[1] + 1, dtype=np.int64), np.zeros(above.point.shape[1] + 1)
-    last, count = -2, 0
-    for a in range(b.n_actions):
-        va = v * b.n_actions + a
-        k = b.factor[va]
-        n = 1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]
-        first = 0 if k < 0 else b.factor_offset[k]
-        if k != last:
-            last, count = k, spread(above, b.factor_offset, belief, k, cells, weights)
-        total = 0.0
-        for x in range(n):
-            total += (1.0 if k < 0 else belief[first + x]) * b.reward[b.first_row[va] + x]
-        for j in range(b.first_branch[va], b.first_branch[va + 1]):
-            p = posterior(b, j, n, k, belief, first, after, False)
-            if p > 0.0 and not b.branch[j].ends:
-                level[0], share[0], parts = 0, 1.0, 1
-                if k >= 0:
-                    parts = mixture(above.offset, above.point, k, n, after, first, level, share)
-                for e in range(parts):
-                    shift = 0 if k < 0 else level[e] * above.stride[k]
-                    ahead = mixed(above, cells, weights, count, shift, b.branch[j].visible)
-                    total += b.discount * p * share[e] * ahead
-        values[a] = total
+    count, total = spread(above, b.factor_offset, belief, k, cells, weights), 0.0
+    for x in range(n):
+        total += (1.0 if k < 0 else belief[first + x]) * b.reward[b.first_row[va] + x]
+    for j in range(b.first_branch[va], b.first_branch[va + 1]):
+        p = posterior(b, j, n, k, belief, first, after)
+        if p > 0.0 and not b.branch[j].ends:
+            level[0], share[0], parts = 0, 1.0, 1
+            if k >= 0:
+                parts = mixture(above.offset, above.point, k, n, after, first, level, share)
+            for e in range(parts):
+                shift = 0 if k < 0 else level[e] * above.stride[k]
+                total += b.discount * p * share[e] * mixed(above, cells, weights, count, shift, b.branch[j].visible)
+    return total
+
+
+@compiled
+def look_ahead(b: Branches, above: Above, v: int, belief: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    """Write a grid's upper bounds of all actions (A,)."""
+    for a in range(len(values)):
+        values[a] = action_value(b, above, v, belief, a)
 
 
 @compiled
@@ -135,13 +137,13 @@ def greedy_runs(
             first = 0 if k < 0 else b.factor_offset[k]
             u, drawn, after = next_uniform(state), np.int64(-1), now.copy()
             for j in range(b.first_branch[va], b.first_branch[va + 1]):
-                p = posterior(b, j, n, k, now, first, after, False)
+                p = posterior(b, j, n, k, now, first, after)
                 if p > 0.0:
                     drawn = j
                     u -= p
                     if u < 0.0:
                         break
-            posterior(b, drawn, n, k, now, first, after, False)
+            posterior(b, drawn, n, k, now, first, after)
             if b.branch[drawn].ends:
                 break
             weight *= b.discount

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.solver import levels as level_sets
-from harness.solver.branches import Branches
-from harness.solver.grid import Above
 from harness.solver.levels import Levels, Point
 from harness.solver.lookahead import Model, greedy_runs, sensitivity
 from harness.solver.search import Graph
@@ -26,43 +24,42 @@ def points_of(levels: Levels, sizes: list[int]) -> list[list[Point]]:
     ]
 
 
-def with_priors(b: Branches, above: Above, g: Graph, most: int) -> list[list[Point]]:
-    """Corners, and the initial belief of as many factors as ``most`` cells allow, the most worth knowing first."""
+def with_priors(m: Model, g: Graph, levels: Levels, most: int) -> list[list[Point]]:
+    """The levels, and the initial belief of as many factors as ``most`` cells allow, the most worth knowing first."""
+    b = m.branches
     sizes = np.diff(b.factor_offset).tolist()
-    points = level_sets.corners(sizes)
-    spans = np.empty(len(sizes))
-    sensitivity(b, above, int(g.visible[0]), g.belief[0], spans)
+    points, spans = points_of(levels, sizes), np.empty(len(sizes))
+    sensitivity(b, m.above, int(g.visible[0]), g.belief[0], spans)
     for k in np.argsort(-spans, kind="stable"):
         start = tuple(float(p) for p in g.belief[0, b.factor_offset[k] : b.factor_offset[k + 1]])
-        wider = [*points[k], start]
-        if level_sets.make([*points[:k], wider, *points[k + 1 :]]).cells <= most:
-            points[k] = wider
+        if start not in points[k] and _cells(points, k) <= most:
+            points[k] = [*points[k], start]
     return points
 
 
-def refined(g: Graph, m: Model, levels: Levels, most: int, seed: int) -> list[list[Point]]:
-    """The levels with others beside them, as many as ``most`` cells allow, each where it saves most.
+def _cells(points: list[list[Point]], k: int) -> int:
+    """Cells of the grid with one more level of factor ``k``."""
+    return math.prod(len(p) + (i == k) for i, p in enumerate(points))
+
+
+def refined(m: Model, g: Graph, levels: Levels, inner: int) -> list[list[Point]]:
+    """The levels with others beside them, ``inner`` a factor at most beside the certain ones, each where it saves most.
 
     What a level saves is judged by the beliefs of greedy runs: between the levels l and r, a convex function may lie
     below its chord at b by as much as (b − l)(r − b)/(r − l) of its change of slope, here taken to be what it is worth
     to know the factor's value. For factors of more than two values the part of a belief that no inner level carries
     takes that place.
     """
-    b = m.branches
-    sizes = np.diff(b.factor_offset).tolist()
+    sizes = np.diff(m.branches.factor_offset).tolist()
     points = points_of(levels, sizes)
-    met = [_distinct(*each) for each in _met(g, m, seed)]
-    while True:
-        best, choice = 0.0, None
-        for k, n in enumerate(sizes):
-            cells = int(np.prod([len(p) + (i == k) for i, p in enumerate(points)]))
-            if cells <= most:
-                saved, point = _best_level(points[k], *met[k], n)
-                if saved / (1 + 1 / len(points[k])) > best:
-                    best, choice = saved / (1 + 1 / len(points[k])), (k, point)
-        if choice is None:
-            return points
-        points[choice[0]] = [*points[choice[0]], choice[1]]
+    met = [_distinct(*each) for each in _met(g, m, inner)]
+    for k, n in enumerate(sizes):
+        while len(points[k]) < n + inner and _cells(points, k) < 2**62:
+            saved, point = _best_level(points[k], *met[k], n)
+            if saved <= 0.0:
+                break
+            points[k] = [*points[k], point]
+    return points
 
 
 def _met(g: Graph, m: Model, seed: int) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -77,9 +74,9 @@ def _met(g: Graph, m: Model, seed: int) -> Iterator[tuple[NDArray[np.float64], N
 def _distinct(
     beliefs: NDArray[np.float64], weight: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The beliefs that differ, and what they count together."""
-    apart, index = np.unique(np.round(beliefs, 6), axis=0, return_inverse=True)
-    return apart, np.bincount(index.ravel(), weight, len(apart))
+    """The beliefs that differ, and what they count together; as they were met, so that a level is met exactly."""
+    apart, first, index = np.unique(np.round(beliefs, 6), axis=0, return_index=True, return_inverse=True)
+    return beliefs[first], np.bincount(index.ravel(), weight, len(apart))
 
 
 def _best_level(

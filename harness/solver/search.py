@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from harness.model.tables import compiled, inlined
 from harness.solver.branches import Branches
 from harness.solver.grid import grid_value
-from harness.solver.lookahead import SNAP, Model, look_ahead, posterior
+from harness.solver.lookahead import SNAP, Model, action_value, look_ahead, posterior
 
 ENDS, NEVER = -1, -2
 """Children that are none: the episode ends; the branch has no probability."""
@@ -47,6 +47,8 @@ class Graph(NamedTuple):
     """(M, A) upper bound of each action; inf where not looked at yet."""
     looked: NDArray[np.bool_]
     """(M,) whether the grid as it is has been asked what the actions lead to."""
+    sharp: NDArray[np.bool_]
+    """(M, A) whether that was the sharper grid, not the quick one"""
     first_edge: NDArray[np.int64]
     """(M, A) of an action's children, in the order of its branches; −1 where it has none yet."""
     child: NDArray[np.int64]
@@ -70,6 +72,7 @@ def empty(b: Branches, nodes: int, edges: int) -> Graph:
         np.full(nodes, -1, dtype=np.int16),
         np.full((nodes, b.n_actions), np.inf),
         np.zeros(nodes, dtype=np.bool_),
+        np.zeros((nodes, b.n_actions), dtype=np.bool_),
         np.full((nodes, b.n_actions), -1, dtype=np.int64),
         np.zeros(edges, dtype=np.int64),
         np.zeros(edges),
@@ -81,7 +84,7 @@ def empty(b: Branches, nodes: int, edges: int) -> Graph:
 def grown(graph: Graph, b: Branches, nodes: int, edges: int) -> Graph:
     """The same graph with room for more."""
     larger = empty(b, nodes, edges)
-    for name in ("visible", "belief", "lower", "upper", "action", "ahead", "looked", "first_edge"):
+    for name in ("visible", "belief", "lower", "upper", "action", "ahead", "looked", "sharp", "first_edge"):
         getattr(larger, name)[: graph.counts[N_NODES]] = getattr(graph, name)[: graph.counts[N_NODES]]
     for name in ("child", "probability"):
         getattr(larger, name)[: graph.counts[N_EDGES]] = getattr(graph, name)[: graph.counts[N_EDGES]]
@@ -136,12 +139,24 @@ def node_of(g: Graph, m: Model, v: int, belief: NDArray[np.float64]) -> int:
 
 @compiled
 def _look(g: Graph, m: Model, i: int) -> None:
-    """Upper bounds of all actions of node ``i`` from the grid one step ahead."""
+    """Upper bounds of all actions of node ``i`` from the quick grid one step ahead."""
     values = np.empty(m.branches.n_actions)
-    look_ahead(m.branches, m.above, g.visible[i], g.belief[i], values)
+    look_ahead(m.branches, m.quick, g.visible[i], g.belief[i], values)
     for a in range(len(values)):
         g.ahead[i, a] = min(g.ahead[i, a], values[a] + m.slack)
+        g.sharp[i, a] = len(m.above.table) == 0
     g.looked[i] = True
+
+
+@compiled
+def _best(g: Graph, m: Model, i: int) -> int:
+    """The action of the highest upper bound, when the sharper grid has been asked of all that were higher."""
+    while True:
+        best = np.argmax(g.ahead[i])
+        if g.sharp[i, best] or g.first_edge[i, best] >= 0:
+            return best
+        value = action_value(m.branches, m.above, g.visible[i], g.belief[i], best)
+        g.ahead[i, best], g.sharp[i, best] = min(g.ahead[i, best], value + m.slack), True
 
 
 @compiled
@@ -158,7 +173,7 @@ def _expand(g: Graph, m: Model, i: int, a: int) -> None:
     g.counts[N_EDGES] += b.first_branch[va + 1] - b.first_branch[va]
     after = before.copy()
     for j in range(b.first_branch[va], b.first_branch[va + 1]):
-        p = posterior(b, j, n, k, before, first, after, True)
+        p = posterior(b, j, n, k, before, first, after)
         g.probability[edge] = p
         if p <= 0.0:
             g.child[edge] = NEVER
@@ -174,7 +189,6 @@ def _backup(g: Graph, m: Model, i: int) -> None:
     """Bounds of node ``i`` from its children, as far as its actions have any."""
     b, slack = m.branches, m.slack
     v = g.visible[i]
-    highest = -np.inf
     for a in range(b.n_actions):
         edge = g.first_edge[i, a]
         if edge >= 0:
@@ -192,8 +206,7 @@ def _backup(g: Graph, m: Model, i: int) -> None:
             g.ahead[i, a] = min(g.ahead[i, a], high + slack)
             if low - slack > g.lower[i]:
                 g.lower[i], g.action[i] = low - slack, a
-        highest = max(highest, g.ahead[i, a])
-    g.upper[i] = min(g.upper[i], max(highest + slack, g.lower[i]))
+    g.upper[i] = min(g.upper[i], max(g.ahead[i, _best(g, m, i)] + slack, g.lower[i]))
 
 
 @compiled
@@ -287,10 +300,7 @@ def trials(g: Graph, m: Model, gap: float, most: int) -> int:
             depth += 1
             if not g.looked[i]:
                 _look(g, m, i)
-            best = 0
-            for a in range(1, b.n_actions):
-                if g.ahead[i, a] > g.ahead[i, best]:
-                    best = a
+            best = _best(g, m, i)
             if g.first_edge[i, best] < 0:
                 _expand(g, m, i, best)
             aim /= b.discount

@@ -152,7 +152,7 @@ def _row(course: anytime.Course, seconds: float) -> dict[str, Any]:
         "upper": course.upper,
         "nodes": int(course.graph.counts[N_NODES]),
         "trials": int(course.graph.counts[TRIALS]),
-        "cells": course.levels.cells,
+        "cells": course.rows,
         "megabytes": course.memory / 1e6,
     }
 
