@@ -4,15 +4,18 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: table test fuzz kills check lint format docs notebooks bench clean
+.PHONY: table test test-full fuzz kills check lint format docs notebooks bench clean
 
 table: $(VENV)/.installed
 	$(BIN)/harness compare rocksample-7x8 --engine tables
 	@echo
 	$(BIN)/harness compare bordercross-7x8 --engine tables
 
-test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest
+test: $(VENV)/.installed-dev # a file's tests stay in one process, and share what they set up
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+test-full: $(VENV)/.installed-dev # the slow ones in full size
+	HARNESS_TESTS=full $(BIN)/python -m pytest -n 2 --dist loadfile
 
 kills: $(VENV)/.installed-dev # SIGKILL and failing disks at everything that writes, each gone on with and compared
 	$(BIN)/python -m tests.kills --strikes 300

@@ -1,10 +1,20 @@
 """Sphinx: the pages in Markdown, the reference from the docstrings. Builds without a network."""
 
+import os
+import sys
 from importlib.metadata import version as version_of
+from pathlib import Path
 
+import nbformat
 from sphinx.ext.napoleon import GoogleDocstring
 
 import harness
+
+DOCS = Path(__file__).parent
+sys.path.insert(0, str(DOCS))
+
+import generated  # noqa: E402
+import stories  # noqa: E402
 
 project = "POMDP benchmark harness"
 author = "The POMDP benchmark harness developers"
@@ -16,9 +26,10 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
-    "myst_parser",
+    "myst_nb",
 ]
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "substitution"]
+myst_substitutions = generated.figures() | generated.limits()
 myst_heading_anchors = 3
 default_role = "code"  # what stands between single backquotes is code, as in Markdown
 
@@ -33,6 +44,14 @@ GoogleDocstring._parse_attribute_docstring = GoogleDocstring._consume_to_end
 # Types of other packages would need their inventories, and so a network; a type of ours must be found.
 nitpick_ignore_regex = [("py:class", r"(?!harness\.).*"), ("py:class", r"harness\..*\._\w+")]
 
+nb_execution_mode = "off"  # they come with their outputs
+nb_output_stderr = "warn"
+for path in stories.SOURCES:
+    book = stories.page(path, os.environ.get("HARNESS_NOTEBOOK_SIZE", "full"))
+    (DOCS / "notebooks").mkdir(exist_ok=True)
+    nbformat.write(book, DOCS / "notebooks" / path.name)
+os.environ["COLUMNS"] = "100"  # of the help texts of the commands
+
 
 def _public_name(app, env, node, contnode):
     """``harness.compare`` leads to where it is defined, ``harness.score.comparison.compare``."""
@@ -43,6 +62,12 @@ def _public_name(app, env, node, contnode):
     return env.get_domain("py").resolve_xref(env, node["refdoc"], app.builder, "obj", target, node, contnode)
 
 
+def _add_commands(app, docname, source):
+    if docname == "command-line":
+        source[0] += generated.commands()
+
+
 def setup(app):
     """Called by Sphinx."""
     app.connect("missing-reference", _public_name)
+    app.connect("source-read", _add_commands)

@@ -1,12 +1,25 @@
-"""The domains that most tests use."""
+"""The size of the tests, and the domains that most of them use."""
 
 from __future__ import annotations
 
+import os
 import signal
+from typing import TypeVar
 
 import pytest
 
 import harness
+
+FULL = os.environ.get("HARNESS_TESTS") == "full"
+"""Whether the slow tests take their full size: `make test-full`."""
+
+_T = TypeVar("_T")
+
+
+def size(small: _T, full: _T) -> _T:
+    """The size of a slow test, here and now; a small one must still be able to fail."""
+    return full if FULL else small
+
 
 if (
     signal.getsignal(signal.SIGINT) is signal.SIG_IGN

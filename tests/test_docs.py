@@ -10,6 +10,7 @@ import pytest
 
 import harness
 from harness import bridge
+from harness.cli import main
 from harness.ge import grammar as bnf
 from harness.ge.fitness import check_language
 from harness.program import parse, words_of
@@ -41,6 +42,25 @@ def test_the_program_and_the_grammar_shown_are_ones(rocksample, tmp_path):
 def test_all_public_names_are_listed():
     listed = re.findall(r"^   harness\.(\w+)$", (ROOT / "docs" / "api" / "public.md").read_text(), re.MULTILINE)
     assert sorted(listed) == sorted(harness.__all__)
+
+
+def test_the_page_of_the_commands_is_what_they_print(capsys, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    monkeypatch.setenv("COLUMNS", "100")
+    import generated
+
+    page = generated.commands()
+    commands = re.findall(r"^    ([a-z-]+)", _printed(capsys), re.MULTILINE)
+    assert len(commands) > 10
+    for command in commands:
+        assert f"## `harness {command}`\n\n```text\n{_printed(capsys, command)}```\n" in page
+    assert "cmaes     sigma=0.3" in page  # the settings of the methods are put in when help is asked for
+
+
+def _printed(capsys, *command):
+    with pytest.raises(SystemExit):
+        main([*command, "--help"])
+    return capsys.readouterr().out
 
 
 def test_every_module_is_in_the_reference():

@@ -33,6 +33,8 @@ from harness.ge.parameters import Parameters
 from harness.model import archive
 from harness.play.evaluation import evaluate
 from harness.policy.program import ProgramPolicy
+from harness.program import parse, words_of
+from tests.conftest import size
 
 LISTS = bnf.parse("<code> ::= <line> | <code> <line>\n<line> ::= a | b | (<code>)\n")
 SMALL = {"population": 20, "generations": 6, "episodes": 20, "max_init_depth": 20, "score_episodes": 200}
@@ -201,7 +203,8 @@ def results(folder):
     """All that a run leaves, without the times."""
     history = pd.read_csv(folder / "history.csv").drop(columns="seconds")
     best = json.loads((folder / "best.json").read_text())
-    return history, (folder / "finalists.csv").read_text(), best["program"], best["score"], best["validation"]
+    texts = [(folder / name).read_text() for name in ("finalists.csv", "improvements.json")]
+    return history, *texts, best["program"], best["score"], best["validation"]
 
 
 def same(a, b):
@@ -239,6 +242,34 @@ class TestRuns:
         assert again.score == result.best.score
         row = result.history.iloc[-1]
         assert row["steps"] <= 20 * 20 * 50
+
+    def test_improvements_are_the_new_highest_scores_and_their_programs(self, tmp_path):
+        result = harness.evolve("rocksample-7x8", "rocksample-feedback", seed=2, out=tmp_path, engine="tables", **SMALL)
+        found = json.loads((tmp_path / "improvements.json").read_text())
+        tests, highest = result.history["test"], result.history["test"].cummax()
+        new = tests[(tests == highest) & (tests != highest.shift())]
+        assert [each["generation"] for each in found] == new.index.tolist()
+        assert len(found) > 1
+        for each in found:
+            assert each["test"] == new[each["generation"]]
+            program = parse("\n".join(each["program"]), words_of(harness.load("rocksample-7x8")))
+            assert program.length == result.history["best_length"][each["generation"]]
+            episodes = result.parameters.test_episodes
+            fresh = rng.HELD_OUT + 2
+            played = evaluate("rocksample-7x8", ProgramPolicy(program), episodes=episodes, seed=fresh, engine="tables")
+            assert played.score.mean == pytest.approx(each["test"], abs=1e-12)
+
+    def test_a_damaged_list_of_improvements_is_one_sentence(self, whole, tmp_path, capsys):
+        folder = tmp_path / "copy"
+        shutil.copytree(whole[0], folder)
+        for content in ("[", "{}", '[{"generation": 1}]', '[{"generation": 1, "test": 1.0, "program": [2]}]'):
+            (folder / "improvements.json").write_text(content)
+            assert main(["evolve", "--resume", str(folder)]) == 2
+            told = capsys.readouterr().err
+            assert str(folder / "improvements.json") in told
+            assert told.count("\n") == 1
+        (folder / "improvements.json").unlink()
+        assert main(["evolve", "--resume", str(folder)]) == 0
 
     def test_no_folder_and_any_workers_give_the_same(self, whole):
         result = whole[1]
@@ -307,12 +338,13 @@ class TestRuns:
     def test_killed_and_resumed_it_ends_the_same(self, tmp_path, replacement):
         """A real process, killed by SIGKILL at whatever it is doing, twice."""
         options = [
-            "rocksample-7x8", "--engine", "tables", "--population", "30", "--generations", "150", "--episodes", "40",
+            "rocksample-7x8", "--engine", "tables",
+            "--population", "30", "--generations", str(size(60, 150)), "--episodes", "40",
             "--max-init-depth", "25", "--tournament", "4", "--score-episodes", "300", "--replacement", replacement,
         ]  # fmt: skip
         whole, killed = tmp_path / "whole", tmp_path / "killed"
         if replacement == "steady-state":
-            options[options.index("150")] = "40"
+            options[options.index("--generations") + 1] = str(size(20, 40))
         assert main(["evolve", *options, "--out", str(whole)]) == 0
         arguments = [*options, "--out", str(killed)]
         for _ in range(2):

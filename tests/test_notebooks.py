@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import os
+import sys
 from pathlib import Path
 
 import nbformat
 import pytest
-from nbclient import NotebookClient
 
-ROOT = Path(__file__).parent.parent
-NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+sys.path.append(str(Path(__file__).parent.parent / "docs"))
+
+import stories
+
+NOTEBOOKS = stories.SOURCES
 
 PICTURES = {"1-baselines": 5, "2-evolve-and-tune": 5, "3-bordercross": 4, "4-your-own-model": 3}
 """How many figures each notebook shows."""
-
-
-def run(path):
-    """The notebook with its outputs, run as a person runs it: in its folder, with this Python."""
-    book = nbformat.read(path, as_version=4)
-    client = NotebookClient(
-        book, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
-    )
-    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]  # this checkout's harness
-    return client.execute(env={**os.environ, "HARNESS_NOTEBOOK_SIZE": "small", "PYTHONPATH": os.pathsep.join(paths)})
 
 
 def outputs(book, kind):
@@ -46,7 +38,7 @@ def test_it_is_committed_valid_and_without_outputs(path):
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_it_runs(path):
     """Without an error, without a warning, and with its pictures, each with a text for those who cannot see it."""
-    book = run(path)
+    book = stories.run(path, "small")
     texts = [output["text"] for output in outputs(book, "stream") if output["name"] == "stderr"]
     assert texts == []
     shown = outputs(book, "display_data") + outputs(book, "execute_result")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 import harness
@@ -12,6 +13,7 @@ from harness import policy as policies
 from harness.cli import main
 from harness.errors import HarnessError, PolicyError
 from harness.score import comparison
+from harness.tuning import sweeping
 
 OWN = """
 from pathlib import Path
@@ -41,6 +43,27 @@ def make(domain):
 
 instance = Exit()
 number = 3
+
+
+class Waits(Exit):  # reads rock 3 up to ten times, then leaves
+    def __init__(self, share):
+        self.steps = round(10 * share)
+
+    def act(self, batch):
+        return np.full(len(batch.done), batch.domain.action("check(3)") if batch.step < self.steps else 1)
+
+
+class Tunable:
+    names, lower, upper, start = ("share",), np.zeros(1), np.ones(1), np.array([0.5])
+
+    def __init__(self, domain):
+        self.domain = domain
+
+    def policy(self, theta):
+        return Waits(theta[0])
+
+    def text(self, theta):
+        return "wait %.2f" % theta[0]
 
 
 class Broken(Exit):
@@ -77,7 +100,7 @@ def test_every_command_takes_it(own, capsys):
     assert main(["show", "rocksample-7x8", spec, "--engine", "tables"]) == 0
     assert "return 10, " in capsys.readouterr().out
     assert main(["tune", "rocksample-7x8", "--policy", spec]) == 2
-    assert "has no numbers to tune" in capsys.readouterr().err
+    assert "makes no tunable policy" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -87,7 +110,7 @@ def test_every_command_takes_it(own, capsys):
         ("own_policies.py:Exti", "'own_policies.py' has no 'Exti'; did you mean 'Exit'?"),
         ("own_policies.py:number", "makes no policy"),
         ("own_policies.py:np", "makes no policy"),
-        ("own_policies.py:Broken", "RuntimeError in line 33 of '"),
+        ("own_policies.py:Broken", "RuntimeError in line 54 of '"),
         ("no_such_module:Exit", "no policy 'no_such_module:Exit'"),
         ("own_policies.sub:Exit", "ModuleNotFoundError: No module named 'own_policies.sub'"),
         ("syntax.py:Exit", "SyntaxError"),
@@ -105,6 +128,40 @@ def test_what_is_wrong_is_said_in_a_sentence(own, rocksample, spec, words):
     with pytest.raises(PolicyError) as refusal:
         harness.evaluate(rocksample, spec, **SMALL)
     assert words in str(refusal.value)
+
+
+class TestTunables:
+    """The numbers of a policy of one's own, by path."""
+
+    def test_a_sweep_of_one_goes_on_where_it_is_named_again(self, own, capsys):
+        small = ["--episodes", "4", "--engine", "tables", "--points", "3"]
+        assert main(["sweep", "rocksample-7x8", "--policy", "own_policies.py:Tunable", "--out", "run", *small]) == 0
+        rows = pd.read_csv("run/sweep.csv")
+        assert rows["policy"].tolist() == ["wait 0.00", "wait 0.50", "wait 1.00"]
+        assert rows["discounted_mean"].tolist() == pytest.approx([10 * 0.95 ** (6 + waits) for waits in (0, 5, 10)])
+        lines = Path("run/sweep.csv").read_text().splitlines(keepends=True)
+        Path("run/sweep.csv").write_text("".join(lines[:2]))
+        assert main(["sweep", "--resume", "run"]) == 2
+        assert main(["sweep", "--resume", "run", "--policy", "own_policies.py:Tunable"]) == 0
+        assert Path("run/sweep.csv").read_text() == "".join(lines)
+
+    def test_one_is_tuned(self, own, capsys):
+        small = ["--set", "episodes=2", "--set", "final_episodes=2", "--measure", "discounted", "--method", "lines"]
+        arguments = ["--policy", "own_policies.py:Tunable", *small, "--engine", "tables"]
+        assert main(["tune", "rocksample-7x8", *arguments]) == 0
+        assert "wait 0.0" in capsys.readouterr().out
+
+    def test_a_policy_without_numbers_is_refused(self, own, rocksample):
+        with pytest.raises(PolicyError, match=r"'own_policies.py:Exit' makes no tunable policy: an object with names"):
+            harness.sweep(rocksample, "own_policies.py:Exit")
+
+    def test_whoever_stops_it_is_told_how_to_go_on(self, own, capsys, monkeypatch):
+        def stop(*_, **__):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(sweeping, "evaluate", stop)
+        assert main(["sweep", "rocksample-7x8", "--policy", "own_policies.py:Tunable", "--out", "run"]) == 130
+        assert "harness sweep --resume run --policy own_policies.py:Tunable\n" in capsys.readouterr().err
 
 
 def test_an_installed_package_brings_policies(own, rocksample, monkeypatch, capsys):

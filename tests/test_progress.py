@@ -35,13 +35,14 @@ def folder(tmp_path, monkeypatch):
     ("run", "total"),
     [
         (lambda **p: harness.evaluate("rocksample-7x8", "belief", workers=2, **SMALL, **p), 40),
+        (lambda **p: harness.compare("rocksample-7x8", ["belief", "exit", "mdp"], **SMALL, **p), 80),
         (sweep, 3),
         (tune, 3),
         (update, 2),
         (lambda **p: harness.evolve("rocksample-7x8", out="run", **EVOLVE, **p), 4),
         (lambda **p: harness.evolve("rocksample-7x8", out="runs", runs=2, workers=1, **EVOLVE, **p), 8),
     ],
-    ids=["evaluate", "sweep", "tune", "update_scores", "evolve", "evolve-runs"],
+    ids=["evaluate", "compare", "sweep", "tune", "update_scores", "evolve", "evolve-runs"],
 )
 def test_a_function_is_told_and_a_bar_stays_off_files(run, total, capsys, tmp_path):
     told = []

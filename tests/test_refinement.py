@@ -31,6 +31,7 @@ from harness.ge.spelling import Speller, nodes
 from harness.play import population
 from harness.play.population import Episodes
 from harness.program import constant_spans, parse, words_of
+from tests.conftest import size
 from tests.test_evolution import LISTS, count, letters, results, same
 
 HEAD = "<code> ::= <line> | <code> <line>\n<line> ::= check(3) | if(<test>) <op>\n<op> ::= up() | sample()\n"
@@ -336,7 +337,7 @@ class TestRuns:
         """A real process, killed by SIGKILL at whatever it is doing, twice."""
         options = [
             "rocksample-7x8", "--grammar", str(look),
-            "--engine", "tables", "--population", "30", "--generations", "25", "--episodes", "20",
+            "--engine", "tables", "--population", "30", "--generations", str(size(12, 25)), "--episodes", "20",
             "--max-init-depth", "25", "--tournament", "4", "--score-episodes", "300", "--crossover", "subtree",
             "--refine", "3", "--refine-every", "2", "--refine-episodes", "40",
         ]  # fmt: skip

@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
+import html
+import importlib.metadata
 import io
 import json
 import re
 import shutil
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import harness
-from harness import policy
+from harness import policy, registry
 from harness.cli import main
 from harness.model import archive, domain
 from harness.play.evaluation import evaluate, simulate
-from harness.report import charts, inputs, page
+from harness.policy.program import ProgramPolicy, stored_program
+from harness.policy.simple import RandomPolicy
+from harness.program import parse, words_of
+from harness.report import bars, charts, inputs, page, programs
 from harness.report.replays import Domains, Wanted, episode, replays
 from harness.score import rendering
 from harness.show.replay import replay
+from tests.conftest import size
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>&\"\u2028"
 
@@ -70,6 +78,16 @@ def whole(report_inputs, tmp_path_factory):
     return write(tmp_path_factory.mktemp("whole"), *report_inputs.values())
 
 
+@pytest.fixture(scope="module")
+def tuned_program(tmp_path_factory):
+    """A program that samples rock 4 whatever is believed of it, until it is tuned."""
+    folder = tmp_path_factory.mktemp("tuned")
+    text = "check(4)\nif(belief(4) > 0.02) {\n" + "    right()\n" * 6 + "    sample()\n}\n"
+    text += "if(belief(5) > 0.5) check(1)\n" + "right()\n" * 7
+    episodes = {"episodes": 60, "validation_episodes": 200, "final_episodes": 200}
+    return folder, harness.tune("rocksample-7x8", text, method="lines", out=folder, engine="tables", **episodes)
+
+
 class TestInputs:
     def test_each_kind_is_recognised(self, report_inputs):
         kinds = {name: [type(each) for each in inputs.read(path)] for name, path in report_inputs.items()}
@@ -114,8 +132,9 @@ class TestInputs:
             (b'a,b\n"1,2\n', "expected a comparison table"),
         ],
     )
-    def test_anything_else_is_one_sentence(self, tmp_path, capsys, content, words):
-        path = tmp_path / "input"
+    def test_anything_else_is_one_sentence(self, tmp_path, capsys, content, words, monkeypatch):
+        monkeypatch.chdir(tmp_path)  # a sentence has room for a short path only
+        path = Path("input")
         if content is not None:
             path.write_bytes(content)
         self.refused(capsys, tmp_path, path, str(path), words)
@@ -175,7 +194,10 @@ class TestInputs:
         ],
     )
     def test_whatever_is_wrong_in_a_file_there_is_no_traceback(self, report_inputs, tmp_path, kind, name):
-        """Every value in turn is left out, nothing, a word, a number or an object; then the file is cut short."""
+        """Every value in turn is left out, nothing, a word, a number or an object; then the file is cut short.
+
+        In small a third of these.
+        """
         whole = report_inputs[kind]
         copy = tmp_path / "copy"
         shutil.copytree(whole, copy) if whole.is_dir() else shutil.copy(whole, copy)
@@ -185,7 +207,7 @@ class TestInputs:
             spoil_json(content) if path.name.endswith(".json") or kind.endswith(".json") else spoil_csv(content)
         )
         refused = 0
-        for each in [*spoilt, content[: len(content) // 2]]:
+        for each in [*spoilt[:: size(3, 1)], content[: len(content) // 2]]:
             path.write_text(each)
             try:
                 harness.write_report(copy, tmp_path / "out", episodes=0)
@@ -207,7 +229,7 @@ class TestInputs:
 class TestPage:
     def test_the_table_shows_what_compare_prints(self, report_inputs, tmp_path):
         (table,) = inputs.read(report_inputs["rocks.json"])
-        rows = write(tmp_path, report_inputs["rocks.csv"]).rows
+        rows = write(tmp_path, report_inputs["rocks.csv"]).rows[:5]  # those of the numbers of the bars come after
         assert rows == [list(rendering.shown(table.frame)), *rendering.shown(table.frame).values.tolist()]
         assert rows[2][3] == "21.39"
         assert rows[4][0] == "mdp (upper bound)"
@@ -306,7 +328,7 @@ class TestPage:
 
     def test_every_chart_has_its_numbers_as_a_table(self, whole):
         drawn = [record for record in whole.data if "series" in record]
-        assert len(drawn) == whole.count("figure") == 7
+        assert len(drawn) == whole.count("figure", **{"class": "chart"}) == 7
         rows = {tuple(row) for row in whole.rows}
         for record in drawn:
             first = next(x for x in record["series"][0]["y"] if x is not None)
@@ -314,10 +336,107 @@ class TestPage:
             assert any(row[:1] == (f"{x:g}",) and f"{first:.6g}" in row for row in rows)
 
     def test_the_same_inputs_give_the_same_bytes(self, report_inputs, tmp_path):
+        made = datetime.date(2026, 3, 1)
         texts = {
-            harness.write_report(list(report_inputs.values()), tmp_path / name).read_bytes() for name in ("a", "b")
+            harness.write_report(list(report_inputs.values()), tmp_path / name, made=made).read_bytes()
+            for name in ("a", "b")
         }
         assert len(texts) == 1
+
+    def test_when_and_by_what_it_was_made(self, report_inputs, tmp_path, monkeypatch):
+        def told(**options):
+            found = write(tmp_path, report_inputs["rocks.csv"], episodes=0, **options)
+            assert found.count("time") == 1
+            return re.search(r"Made on (\S+) by pomdp-harness (\S+)", found.text).groups()
+
+        version = importlib.metadata.version("pomdp-harness")
+        assert told(made=datetime.date(2001, 2, 3)) == ("2001-02-03", version)
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+        assert told() == ("1970-01-02", version)
+        for wrong in ("soon", "", "9" * 30):
+            monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
+            with pytest.raises(harness.HarnessError, match="SOURCE_DATE_EPOCH must be seconds since 1970"):
+                told()
+        monkeypatch.delenv("SOURCE_DATE_EPOCH")
+        before = datetime.datetime.now(datetime.timezone.utc).date()
+        assert before.isoformat() <= told()[0] <= datetime.datetime.now(datetime.timezone.utc).date().isoformat()
+
+    def test_bars_are_the_tables_means_with_their_intervals(self, report_inputs, tmp_path):
+        frame = pd.read_csv(report_inputs["rocks.csv"])
+        found = write(tmp_path, report_inputs["rocks.csv"], episodes=0)
+        for record, prefix in zip(found.data, ("", "discounted_"), strict=True):
+            drawn = pd.DataFrame(record["bars"])
+            assert drawn["name"].tolist() == ["belief:0.84", "sarsop", "exit", "mdp (upper bound)"]
+            assert drawn["bound"].tolist() == [False, False, False, True]
+            np.testing.assert_allclose(drawn["y"], frame[f"{prefix}mean"], rtol=1e-5)
+            half = 1.959964 * frame[f"{prefix}sem"][:3]
+            np.testing.assert_allclose(drawn["low"][:3], frame[f"{prefix}mean"][:3] - half, rtol=1e-5)
+            np.testing.assert_allclose(drawn["high"][:3], frame[f"{prefix}mean"][:3] + half, rtol=1e-5)
+            assert pd.isna(drawn["low"][3])
+        assert ["exit", "10", "10", "10"] in found.rows  # the numbers of the chart
+        assert ["mdp (upper bound)", f"{frame['mean'][3]:.6g}", "", ""] in found.rows
+
+    def test_an_axis_of_bars(self):
+        def ends(*values):
+            return bars.scale(pd.DataFrame({"y": values}, dtype=float))
+
+        assert ends(10, 20) == (0, pytest.approx(20.6))
+        assert ends(-10, np.nan) == (pytest.approx(-10.3), 0)
+        assert ends(-10, 20) == (pytest.approx(-10.9), pytest.approx(20.9))
+        assert ends(-1000, 20) == (pytest.approx(-5.75), pytest.approx(20.75))  # the loss runs off the page
+        assert ends(0, 0) == (0, 1)
+
+    def test_a_program_is_shown_line_by_line(self, report_inputs, tmp_path):
+        text = (report_inputs["run"] / "best.txt").read_text()
+        path = harness.write_report(report_inputs["run"], tmp_path, episodes=0)
+        numbered = re.findall(r'<pre class="numbered".*?</pre>', path.read_text(encoding="utf-8"), re.DOTALL)
+        lines = re.findall(r'<span class="line">(.*?)</span>', numbered[0])
+        assert [html.unescape(line) for line in lines] == text.splitlines()
+
+    def test_how_an_evolved_program_came_about(self, report_inputs, tmp_path):
+        shutil.copytree(report_inputs["run"], tmp_path / "run")
+        best = json.loads((tmp_path / "run" / "best.json").read_text())
+        best["program"] = ["check(1)", "up()", "right()"]
+        (tmp_path / "run" / "best.json").write_text(json.dumps(best))
+        programs = {0: ["up()"], 2: ["up()", "right()"], 5: ["down()", "right()"]}
+        kept = [{"generation": g, "test": 1.5 * g, "program": lines} for g, lines in programs.items()]
+        (tmp_path / "run" / "improvements.json").write_text(json.dumps(kept))
+        found = write(tmp_path, tmp_path / "run", episodes=0)
+        for words in (
+            "Generation 0: 0.00Copyup()",
+            "Generation 2: 3.00 (+3.00), 0 lines gone, 1 new  up()\n+ right()\n",
+            "Generation 5: 7.50 (+4.50), 1 line gone, 1 new- up()\n+ down()\n  right()\n",
+            "The winner: 1 line gone, 2 new- down()\n+ check(1)\n+ up()\n  right()\n",
+        ):
+            assert words in found.text
+
+    def test_of_many_improvements_the_largest_are_shown(self, report_inputs, tmp_path):
+        shutil.copytree(report_inputs["run"], tmp_path / "run")
+        kept = [{"generation": g, "test": float(g * g), "program": ["up()"] * (g + 1)} for g in range(20)]
+        (tmp_path / "run" / "improvements.json").write_text(json.dumps(kept))
+        found = write(tmp_path, tmp_path / "run", episodes=0)
+        assert re.findall(r"Generation (\d+): ", found.text) == [str(g) for g in (0, *range(8, 20))]
+        assert "the 12 largest of 19" in found.text
+
+    def test_a_program_tuned_at_the_end_has_no_fitness(self, report_inputs, tmp_path):
+        shutil.copytree(report_inputs["runs"], tmp_path / "runs")
+        path = tmp_path / "runs" / "seed-0" / "best.json"
+        path.write_text(json.dumps({**json.loads(path.read_text()), "fitness": None, "validation": 1e6}))
+        found = write(tmp_path, tmp_path / "runs", episodes=0)
+        assert "fitness among the finalists" in found.text
+        assert "fitness in the last generation" not in found.text[: found.text.index("Program of seed-1")]
+        assert ["0", ""] in [row[:2] for row in found.rows]
+
+    def test_what_tuning_changed_in_a_program(self, tuned_program, tmp_path):
+        folder, result = tuned_program
+        found = write(tmp_path, folder)
+        assert "Tuning of a program on rocksample-7x8" in found.text
+        now = result.best.theta["c1"]
+        assert now > 0.1
+        assert f"- if(belief(4) > 0.02) {{\n+ if(belief(4) > {now:g}) {{\n" in found.text
+        assert ["c1", "0.02", f"{now:g}", f"{now - 0.02:+g}"] in found.rows
+        assert ["c2", "0.5", "0.5", "none"] in found.rows
+        assert result.best.policy.rstrip("\n") in found.text
 
     def test_nothing_is_loaded_from_anywhere(self, report_inputs, tmp_path):
         found = write(tmp_path, *report_inputs.values())
@@ -342,6 +461,10 @@ class TestPage:
         best = json.loads((tmp_path / "run<b>" / "best.json").read_text())
         best["program"] = [HOSTILE]
         (tmp_path / "run<b>" / "best.json").write_text(json.dumps(best))
+        improvement = {"generation": 0, "test": 1.0, "program": ["up()"]}
+        (tmp_path / "run<b>" / "improvements.json").write_text(json.dumps([improvement]))
+        shutil.copytree(report_inputs["tuning"], tmp_path / "tuning")
+        hostile_tuning(tmp_path / "tuning")
         config = json.loads((tmp_path / "run<b>" / "config.json").read_text())
         config |= {"grammar": HOSTILE, "git": HOSTILE, "versions": {HOSTILE: HOSTILE}}
         del config["hash"]  # hostile, not damaged: under a hash that is right again
@@ -353,15 +476,32 @@ class TestPage:
         own = dataclasses.replace(own, features=tuple((HOSTILE, k, x) for _, k, x in own.features))
         played = harness.compare(own, ["random"], episodes=5, engine="tables")
         (tmp_path / "own.csv").write_text(harness.render(played, "csv"))
-        tables = [next(tmp_path.glob("*.json")), tmp_path / "own.csv", tmp_path / "s.csv"]
+        tables = [next(tmp_path.glob("*.json")), tmp_path / "own.csv", tmp_path / "s.csv", tmp_path / "tuning"]
         found = write(tmp_path, *tables, tmp_path / "run<b>", domains=[own])
-        assert found.data[0]["domain"]["features"] == [HOSTILE] * 8
-        assert found.data[1]["x"]["label"] == f"{HOSTILE} (no unit)"
+        (features,) = [each["domain"]["features"] for each in found.data if "domain" in each]
+        assert features == [HOSTILE] * 8
+        assert f"{HOSTILE} (no unit)" in [each["x"]["label"] for each in found.data if "x" in each]
+        assert HOSTILE in [bar["name"] for each in found.data if "bars" in each for bar in each["bars"]]
+        assert found.count("ins") == found.count("del") == 2  # the diff's own: of the program, and of the tuned one
+        assert found.text.count(f"- {HOSTILE}") == 1
         assert found.count("script", type="module") == 1
         assert found.count("script") == 1 + len(found.data)
         assert found.count("img") == found.count("b") == 0
         assert found.rows[1][0] == HOSTILE
         assert found.text.count(HOSTILE) >= 7
+
+
+def hostile_tuning(folder):
+    """A run that says it tuned a program; start, result and numbers are markup."""
+    config = json.loads((folder / "config.json").read_text())
+    config["run"]["policy"] = HOSTILE + "\n"
+    config["hash"] = archive.digest({}, config["run"])
+    (folder / "config.json").write_text(json.dumps(config))
+    result = json.loads((folder / "result.json").read_text())
+    result["policy"] = "up()" + HOSTILE + "\n"
+    for place in (result, result["start"]):
+        place["theta"] = {HOSTILE: 0.5}
+    (folder / "result.json").write_text(json.dumps(result))
 
 
 class TestReplays:
@@ -433,6 +573,95 @@ class TestReplays:
         returns = evaluate("rocksample-7x8", spec, episodes=3, engine="tables").returns
         assert [sum(each["reward"]) for each in played["episodes"]] == returns.tolist()
 
+    def test_a_tuned_program_is_replayed_as_a_program(self, tuned_program, tmp_path):
+        folder, result = tuned_program
+        found = write(tmp_path, folder)
+        assert "No replay" not in found.text
+        played = found.data[-1]["policies"]
+        assert [each["name"] for each in played] == ["the result", "the start"]
+        for each, place in zip(played, (result.best, result.start), strict=True):
+            assert each["program"] == place.policy.splitlines()
+            (tmp_path / "p.txt").write_text(place.policy)
+            returns = evaluate("rocksample-7x8", f"program:{tmp_path / 'p.txt'}", episodes=3, engine="tables").returns
+            assert [sum(episode["reward"]) for episode in each["episodes"]] == returns.tolist()
+
+    def test_a_tuned_heuristic_is_replayed_beside_its_start(self, report_inputs, tmp_path):
+        shutil.copytree(report_inputs["tuning"], tmp_path / "tuning")
+        for best, names in (
+            ("belief:0.7", ["the result, belief:0.7", "the start, belief:0.92"]),
+            ("belief:0.92", ["the start, belief:0.92"]),
+        ):
+            path = tmp_path / "tuning" / "result.json"
+            path.write_text(json.dumps({**json.loads(path.read_text()), "policy": best}))
+            played = write(tmp_path, tmp_path / "tuning").data[-1]["policies"]
+            assert [each["name"] for each in played] == names
+
+    def test_the_line_that_every_action_came_from(self, rocksample):
+        """By hand: rock 3 is asked about twice, then the robot goes right until it is out."""
+        text = "check(3) if(x() == 1) { check(3) right() } else up() while(x() < 9) right()"
+        made = ProgramPolicy(parse(text, words_of(rocksample)))
+        columns = episode(rocksample, made, 0, 0, 50)
+        lines = made.program.text.splitlines()
+        told = ["", *(lines[line].strip() for line in columns["line"][1:])]
+        assert columns["line"][0] == -1
+        assert told == ["", "check(3)", "check(3)", "right()", *["while(x() < 9) right()"] * 6]
+
+    @pytest.mark.parametrize("word", ["ge", "ge-feedback"])
+    def test_a_line_has_the_action_that_was_taken(self, rocksample, word):
+        made = policy.make(word, rocksample)[1]
+        lines = made.program.text.splitlines()
+        seen = set()
+        for k in range(5):
+            columns = episode(rocksample, made, 1, k, 50)
+            assert len(columns["line"]) == len(columns["action"])
+            for line, action in list(zip(columns["line"], columns["action"], strict=True))[1:]:
+                assert lines[line].endswith(rocksample.actions[action])
+            seen |= set(columns["line"])
+        assert len(seen) > 10
+        assert "line" not in episode(rocksample, policy.make("sarsop", rocksample)[1], 1, 0, 50)
+
+    def test_what_was_true_is_what_the_rewards_say(self, rocksample):
+        """A rock that pays was good, and is bad from then on; one that costs was bad."""
+        made = policy.make("accuracy:0.5", rocksample)[1]  # samples bad ones too
+        rocks = {tuple(place): i for i, place in enumerate(rocksample.layout["rocks"])}
+        paid = set()
+        for k in range(20):
+            columns = episode(rocksample, made, 2, k, 50)
+            good = [word == "good" for word in columns["hidden"]["start"]]
+            for t, action in enumerate(columns["action"]):
+                if t and rocksample.actions[action] == "sample()":
+                    rock = rocks[tuple(columns["visible"][t])]
+                    assert columns["reward"][t] == (10 if good[rock] else -10)
+                    paid.add(columns["reward"][t])
+                    good[rock] = False
+            assert columns["hidden"]["end"] == ["good" if each else "bad" for each in good]
+        assert paid == {10, -10}
+
+    def test_where_the_hidden_robot_was(self, hidden):
+        """Its moves from where it began lead to where it met the other one."""
+        by = {"up": (-1, 0), "down": (1, 0), "left": (0, -1), "right": (0, 1)}
+        ends = set()
+        for k in range(5):
+            columns = episode(hidden, policy.make("sarsop", hidden)[1], 0, k, 50)
+            row, column = eval(columns["hidden"]["start"][0])
+            for action in columns["action"][1:]:
+                name, _, number = hidden.actions[action].rstrip(")").partition("(")
+                if number == "2":
+                    row = min(max(row + by[name][0], 1), 7)
+                    column = min(max(column + by[name][1], 1), 6)
+            assert columns["terminated"]
+            assert columns["hidden"]["end"] == [f"({row}, {column})"]
+            assert columns["visible"][-2] == [row, column]  # robot 1
+            ends.add((row, column))
+        assert {column for _, column in ends} == {6}
+        assert episode(harness.load("bordercross-7x8"), RandomPolicy(), 0, 0, 5)["hidden"] == {"start": [], "end": []}
+
+    def test_an_endless_episode_is_not_written_out(self, report_inputs, tmp_path):
+        table = pd.read_csv(report_inputs["rocks.csv"]).assign(horizon=10**9)
+        table.to_csv(tmp_path / "t.csv", index=False)
+        found = write(tmp_path, tmp_path / "t.csv")
+        assert "No replay of sarsop: a page shows episodes of 10,000 steps at most" in found.text
+
     def test_no_episodes_no_player(self, report_inputs, tmp_path):
         found = write(tmp_path, *report_inputs.values(), episodes=0)
         assert found.count("div", **{"class": "player"}) == 0
@@ -459,10 +688,10 @@ class TestReplays:
         arguments = ["--out", str(tmp_path / "out"), "--domain", str(tmp_path / "tiger.npz")]
         assert main(["report", str(tmp_path / "t.json"), *arguments]) == 0
         assert f"{tmp_path / 'out' / 'index.html'}: " in capsys.readouterr().out
-        (record,) = Reader((tmp_path / "out" / "index.html").read_text(encoding="utf-8")).data
+        record = Reader((tmp_path / "out" / "index.html").read_text(encoding="utf-8")).data[-1]
         assert record["domain"]["layout"] == {"kind": "none"}
         assert record["domain"]["features"] == [f"belief({i})" for i in range(1, 9)]
-        assert write(tmp_path, tmp_path / "t.json", domains=[own]).data == [record]
+        assert write(tmp_path, tmp_path / "t.json", domains=[own]).data[-1] == record
 
     def test_a_policy_that_stops_is_said_to(self, rocksample, tmp_path):
         (tmp_path / "p.txt").write_text("check(3)\ncheck(3)\n")
@@ -510,6 +739,39 @@ def unpacked(columns):
         beliefs[t] = beliefs[t - 1] if t else 0
         beliefs[t, changes[::2]] = np.array(changes[1::2]) / 1000
     return {**columns, "beliefs": beliefs}
+
+
+class TestDifferences:
+    LONG = "".join(f"check({i})\n" for i in range(1, 9))
+
+    def test_lines_that_stay_the_same_are_left_out(self):
+        text = Reader(programs.difference(self.LONG + self.LONG, "up()\n" + self.LONG + self.LONG + "up()\n")).text
+        assert text == "+ up()\n  check(1)\n  check(2)\n  ⋯\n  check(7)\n  check(8)\n+ up()\n"
+        assert "No line" in programs.difference(self.LONG, self.LONG)
+
+    def test_words_are_marked_where_lines_were_altered_only(self):
+        one = programs.difference("if(belief(3) > 0.74) up()\n", "if(belief(3) > 0.8) up()\n")
+        assert re.findall("<mark>(.*?)</mark>", one) == ["0.74", "0.8"]
+        assert "<mark>" not in programs.difference("up()\n", "down()\nup(1)\n")
+
+    def test_adding_up_the_lines_gives_either_program(self):
+        old, new = (
+            stored_program(registry.program_path("rocksample-7x8", word), harness.load("rocksample-7x8")).text
+            for word in ("ge", "ge-feedback")
+        )
+        said = Reader(programs.difference(old, new)).text.splitlines()
+        for text, sign in ((old, "-"), (new, "+")):
+            shown = [line[2:] for line in said if line[0] in (" ", sign) and line != "  ⋯"]
+            kept = iter(text.splitlines())
+            assert all(line in kept for line in shown)  # in this order
+        gone, come = (sum(line[0] == sign for line in said) for sign in "-+")
+        assert programs.changes(old, new) == f"{gone} lines gone, {come} new"
+
+    def test_what_is_too_long_is_not_compared(self):
+        assert "are not compared" in programs.difference("up()\n", "up()\n" * 1001)
+        assert programs.changes("up()\n", "up()\n" * 1001) == "1 lines before, 1,001 now"
+        wide = "up() " * 60
+        assert "<mark>" not in programs.difference(wide, wide + "down()")
 
 
 class TestAxes:

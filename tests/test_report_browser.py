@@ -9,6 +9,8 @@ import pandas as pd
 import pytest
 
 import harness
+from harness import policy
+from harness.report.replays import episode
 from harness.show import replay as show
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="no selenium: pip install -e '.[browser]'")
@@ -24,6 +26,11 @@ from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402
 
 WIDE, PHONE = (1000, 800), (360, 740)
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
+
+# Longer than the player shows at a time; its first number is there to be tuned.
+PROGRAM = "check(4)\nif(belief(4) > 0.02) {\n" + "    right()\n" * 6 + "    sample()\n}\n"
+PROGRAM += "if(belief(5) > 0.5 and belief(6) > 0.5 or belief(7) > 0.5) check(1)\n" + "up()\n" * 3 + "right()\n" * 7
+TUNED = 6  # its player's place on the page
 
 # WCAG 2 contrast of every text on the page with what lies behind it: of HTML the nearest background, of text in a
 # drawing the shape that it stands on.
@@ -96,7 +103,9 @@ def address(report_inputs, tmp_path_factory):
     kinds = ("border.csv", "hidden.csv", "run", "runs", "tuning", "sweep")
     sweep = pd.read_csv(report_inputs["sweep"] / "sweep.csv").rename(columns={"threshold": HOSTILE})
     sweep.to_csv(folder / "sweep.csv", index=False)
-    sources = [folder / "rocks.json", *(report_inputs[kind] for kind in kinds), folder / "sweep.csv"]
+    few = {"episodes": 20, "validation_episodes": 100, "final_episodes": 100, "engine": "tables"}
+    harness.tune("rocksample-7x8", PROGRAM, method="lines", out=folder / "tuned", **few)
+    sources = [folder / "rocks.json", *(report_inputs[kind] for kind in kinds), folder / "sweep.csv", folder / "tuned"]
     path = harness.write_report(sources, folder, episodes=2)
     return path.as_uri()
 
@@ -152,8 +161,6 @@ def click(place, label):
 
 def sentences(name, spec, seed=4, episode=0):
     """What the player should say, step by step, from the text replay's own source."""
-    from harness import policy
-
     known = harness.load(name)
     made = policy.make(spec, known)[1]
     return [step.sentence for step in show.steps(known, made, "tables", seed, episode, 50)]
@@ -169,9 +176,10 @@ class TestLoading:
         assert any(HOSTILE in cell.text for cell in find(page, "tbody th"))
 
     def test_everything_is_drawn(self, page):
-        assert len(find(page, ".chart svg[tabindex]")) == len(find(page, ".chart")) == 10
-        assert len(find(page, ".player .buttons")) == 6
-        assert len(find(page, ".player .board")) == 6
+        assert len(find(page, ".chart svg[tabindex]")) == len(find(page, ".chart")) == 12
+        assert len(find(page, ".comparison .levels")) == len(find(page, ".comparison")) == 6
+        assert len(find(page, ".player .buttons")) == 7
+        assert len(find(page, ".player .board")) == 7
 
     def test_it_adds_no_globals(self, page):
         page.execute_script("window.before = null; document.body.append(document.createElement('iframe'))")
@@ -191,6 +199,27 @@ class TestLoading:
         assert all(0 < width < 360 for width in widths)
         drawn = page.execute_script("return [...document.querySelectorAll('.canvas > svg')].map((s) => s.clientWidth)")
         assert drawn == widths  # drawn for this width, not shrunk
+
+    @pytest.mark.parametrize("width", [320, 390])
+    def test_on_a_phone_nothing_is_cut_off(self, page, width):
+        """Nothing sticks out, or has to be scrolled sideways, also with names of 90 characters in it."""
+        look(page, (width, 844))
+        page.refresh()
+        page.execute_script("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+        for k in range(7):
+            player(page, k)
+            press(page, Keys.END)
+        cut = """return [...document.querySelectorAll('main *')].filter((e) => e.checkVisibility() && !e.closest('svg'))
+            .filter((e) => e.getBoundingClientRect().right > innerWidth
+                || (getComputedStyle(e).overflowX !== 'visible' && e.scrollWidth > e.clientWidth))
+            .map((e) => e.outerHTML.slice(0, 80))"""
+        assert page.execute_script(cut) == []
+        (table,) = find(page, "table.sortable")[:1]
+        row = find(table, "tbody tr")[1]
+        names = page.execute_script("return [...arguments[0].cells].map((c) => c.dataset.name)", row)
+        assert names == ["policy", "return", "discounted", "published", "steps", "success", "episodes"]
+        find(table, "thead button")[1].click()
+        assert texts(table, "tbody tr > :first-child")[0] == "mdp (upper bound)"
 
     @pytest.mark.parametrize("scheme", ["light", "dark"])
     def test_text_can_be_read_in_both_schemes(self, page, scheme):
@@ -255,6 +284,26 @@ class TestTable:
         assert bound.value_of_css_property("background-color") != usual.value_of_css_property("background-color")
 
 
+class TestBars:
+    def test_they_are_as_long_as_the_returns(self, page, report_inputs):
+        table = pd.read_csv(report_inputs["rocks.csv"])
+        figure = find(page, ".comparison")[0]
+        assert texts(figure, ".name") == [*table["policy"][:3], "mdp (upper bound)", HOSTILE]
+        widths = "return [...arguments[0].querySelectorAll(arguments[1])].map((e) => e.getBoundingClientRect().width)"
+        long = page.execute_script(widths, figure, ".length")
+        per_unit = long[0] / table["mean"][0]
+        assert long[:4] == pytest.approx([per_unit * x for x in table["mean"]], rel=1e-3)
+        intervals = page.execute_script(widths, figure, ".interval")
+        half = 1.959964 * table["sem"][table["sem"] > 0]
+        assert intervals == pytest.approx([2 * per_unit * x for x in half], rel=1e-3)
+        assert texts(figure, ".value")[:1] == [f"{table['mean'][0]:.2f} ± {table['sem'][0]:.2f}"]
+
+    def test_they_are_read_as_a_list(self, page):
+        labels = [element.get_attribute("aria-label") for element in find(page, ".levels")]
+        assert labels[:2] == ["Return, undiscounted return (reward)", "Discounted return, discounted return (reward)"]
+        assert {level.get_attribute("aria-hidden") for level in find(page, ".level")} == {"true"}
+
+
 class TestPlayer:
     def test_keys_tell_the_whole_episode(self, page):
         place = player(page)
@@ -313,9 +362,68 @@ class TestPlayer:
         WebDriverWait(page, 20).until(lambda _: find(place, 'button[aria-label="Play"]'))
         assert line(place) == told[-1]
 
+    def test_speed(self, page):
+        place = player(page)
+        page.execute_script(
+            "window.setInterval = (tick, wait) => { window.wait = wait; window.tick = tick; return 1; }"
+        )
+        speed = Select(next(s for s in find(place, "select") if "½×" in s.text))
+        assert [option.text for option in speed.options] == ["½×", "1×", "2×", "4×"]
+        waits = []
+        for name in (None, "4×", "½×"):
+            if name:
+                speed.select_by_visible_text(name)  # while it plays
+            else:
+                click(place, "Play")
+            waits.append(page.execute_script("return window.wait"))
+        assert waits == [700, 175, 1400]
+        page.execute_script("window.tick()")
+        assert line(place) == sentences("rocksample-7x8", "belief:0.84")[1]
+        click(place, "Pause")
+        page.execute_script("window.wait = null")
+        speed.select_by_visible_text("1×")
+        assert page.execute_script("return window.wait") is None  # does not start it
+
+    def test_the_line_of_a_program(self, page):
+        place = player(page, TUNED)
+        lines = texts(place, ".lines li")
+        assert lines[:1] == ["check(4)"]
+        assert len(lines) == PROGRAM.count("\n")
+        assert texts(place, '.lines [aria-current="true"]') == []
+        for k in range(1, 1 + int(find(place, "input[type=range]")[0].get_attribute("max"))):
+            place.send_keys(Keys.ARROW_RIGHT)
+            (now,) = find(place, '.lines [aria-current="true"]')
+            assert line(place).startswith(f"step {k}: {now.text.split()[-1]}")
+            inside = """const [line, box] = [...arguments].map((e) => e.getBoundingClientRect());
+                return line.top >= box.top - 1 && line.bottom <= box.bottom + 1"""
+            assert page.execute_script(inside, now, find(place, ".lines")[0])
+        policies = Select(find(place, "select")[0])
+        assert [option.text for option in policies.options] == ["the result", "the start"]
+        policies.select_by_visible_text("the start")
+        assert "if(belief(4) > 0.02) {" in texts(place, ".lines li")
+
+    def test_other_policies_have_no_lines(self, page):
+        assert not find(player(page), ".running")[0].is_displayed()
+
+    def test_what_was_true_is_shown_at_the_end_only(self, page):
+        place = player(page)
+        (truth,) = find(place, ".truth")
+        for key, shown in ((Keys.HOME, False), (Keys.ARROW_RIGHT, False), (Keys.END, True), (Keys.ARROW_LEFT, False)):
+            press(page, key)
+            assert find(truth, "table")[0].is_displayed() == shown
+            assert "policy never" in truth.text
+        press(page, Keys.END)
+        rows = [row.text.split() for row in find(truth, "tbody tr")]
+        assert [row[:2] for row in rows] == [["rock", str(i)] for i in range(1, 9)]
+        known = harness.load("rocksample-7x8")
+        true = episode(known, policy.make("belief:0.84", known)[1], 4, 0, 50)["hidden"]
+        assert [row[2:] for row in rows] == [list(pair) for pair in zip(true["start"], true["end"], strict=True)]
+        assert len(find(player(page, 1), ".truth")) == 0  # nothing is hidden there
+        press(page, Keys.END)
+
     def test_choosing_policy_and_episode(self, page):
         place = player(page)
-        policies, episodes = (Select(element) for element in find(place, "select"))
+        policies, episodes = (Select(element) for element in find(place, ".choice select"))
         assert [option.text for option in policies.options] == ["belief:0.84", "sarsop", "exit"]
         policies.select_by_visible_text("sarsop")
         episodes.select_by_index(1)

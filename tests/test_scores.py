@@ -11,6 +11,7 @@ from harness.engine import rng
 from harness.play.evaluation import evaluate
 from harness.solver import solution as solutions
 from tests import reference
+from tests.conftest import size
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +118,7 @@ def fully_observed_values():
 def test_sarsop_on_eleven_by_eleven_is_within_its_bounds():
     domain = harness.load("rocksample-11x11")
     record = solutions.read(registry.policy_path(domain.name, "sarsop"), domain).record
-    score = evaluate(domain, "sarsop", episodes=4000, engine="tables").score
+    score = evaluate(domain, "sarsop", episodes=size(1000, 4000), engine="tables").score
     # 50 steps are short for this grid: what is earned after them, seldom and at a discount below 0.08, is lost.
     assert record["lower"] - 3 * score.discounted_sem - 0.1 <= score.discounted_mean
     assert score.discounted_mean <= record["upper"] + 3 * score.discounted_sem

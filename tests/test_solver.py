@@ -138,7 +138,6 @@ def test_a_graph_that_points_outside_is_refused(tmp_path, name, change):
         ("rocksample-7x8", {"gap": 0}, "gap must be a number above 0"),
         ("rocksample-7x8", {"gap": float("nan")}, "gap must be a number above 0"),
         ("rocksample-15x15", {"memory": 0.01}, "more than the 0.01 GB allowed"),
-        ("bordercross-7x8-random", {}, "takes 12 at most"),
     ],
 )
 def test_what_cannot_be_solved_is_one_sentence(domain, given_, message):

@@ -146,8 +146,10 @@ class TestMisuse:
         (folder / "sweep.json").unlink()  # of an older version
         assert "already holds a run" in self.refused(capsys, *COMMAND, "--out", folder)
         (folder / "sweep.json").write_bytes(before["sweep.json"])
-        for other in (["--seed", "8"], ["--points", "5"], ["--policy", "belief"], ["--from", "0.8"], ["--horizon", 3]):
+        for other in (["--seed", "8"], ["--points", "5"], ["--from", "0.8"], ["--horizon", 3]):
             assert "cannot be changed" in self.refused(capsys, "sweep", "--resume", folder, *other)
+        other = ["--policy", "accuracy", "--engine", "tables"]  # one may be named again, as the folder brings no code
+        assert "has policy 'belief:0.84', not 'acc" in self.refused(capsys, "sweep", "--resume", folder, *other)
         with pytest.raises(harness.HarnessError, match="has values"):
             harness.sweep("rocksample-7x8", "belief", out=folder, resume=True, episodes=4000, seed=3, horizon=40)
         assert {p.name: p.read_bytes() for p in folder.iterdir()} == before

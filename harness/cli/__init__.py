@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str] | None) -> int:
     try:
-        parser, words = _parser(), sys.argv[1:] if arguments is None else arguments
+        parser, words = _parsers()[0], sys.argv[1:] if arguments is None else arguments
         if "_ARGCOMPLETE" in os.environ:  # a shell asks how the line may go on
             import argcomplete
 
@@ -77,10 +77,17 @@ def _drop_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _parser() -> argparse.ArgumentParser:
+def help_texts() -> dict[str, str]:
+    """What ``--help`` prints, by command; of ``""`` what ``harness --help`` prints. For the documentation."""
+    parser, commands = _parsers()
+    return {"": parser.format_help()} | {name: each.format_help() for name, each in commands.items()}
+
+
+def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
+    """The parser, and those of its commands by name."""
     parser = _Parser(prog="harness", description="Benchmark of evolved, heuristic and solved POMDP policies.")
     parser.add_argument("--version", action="version", version=f"%(prog)s {harness.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=_Parser)
     for room in (scores, evolution, tuning, reproduction, reporting, checks, models):
         room.register(commands)
-    return parser
+    return parser, commands.choices

@@ -85,7 +85,7 @@ def _solve_here(options: argparse.Namespace) -> None:
     from harness.solver import solving
 
     if options.keep_used:
-        raise HarnessError(f"--keep-used is of the solvers in Julia; {OWN} has no alpha vectors")
+        raise HarnessError(f"--keep-used is of the solvers in Julia; {OWN} stores what its policy needs and no more")
     limits = {"gap": options.gap, "memory": options.memory}
     with tqdm(desc=f"solving {options.domain}", bar_format="{desc} {elapsed} {postfix}", disable=None) as bar:
         bar.set_postfix_str("compiling, where this is the first time")
@@ -99,7 +99,8 @@ def _solve_here(options: argparse.Namespace) -> None:
     solutions.save(path, solved.domain, solved.solution)
     seconds = solved.history["seconds"].iloc[-1]
     print(f"{path}: lower {solved.lower:.6g}, upper {solved.upper:.6g}, {seconds:.1f} seconds; ended {solved.stopped}")
-    print(f"score it: harness compare {options.domain} --policy graph:{path}")
+    word = "alpha" if "values" in solved.solution.arrays else "graph"
+    print(f"score it: harness compare {options.domain} --policy {word}:{path}")
 
 
 def _solve_in_julia(options: argparse.Namespace) -> None:

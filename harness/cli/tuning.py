@@ -36,7 +36,9 @@ def register(commands: Any) -> None:
     """Add the commands to the parser."""
     sweep = commands.add_parser("sweep", help="the return over one number of a policy")
     domain_argument(sweep, resumable=True)
-    sweep.add_argument("--policy", metavar="SPEC", help="a policy with a number, such as belief")
+    sweep.add_argument(
+        "--policy", metavar="SPEC", help="a policy with a number: belief, program:FILE, a Tunable own.py:NAME"
+    )
     sweep.add_argument("--parameter", metavar="NAME", help="which number, where the policy has several")
     sweep.add_argument("--from", dest="start", type=number, metavar="X", help="default: the number's lower bound")
     sweep.add_argument("--to", dest="stop", type=number, metavar="X", help="default: its upper bound")
@@ -51,7 +53,9 @@ def register(commands: Any) -> None:
     )  # fmt: skip
     domain_argument(tune, resumable=True)
     tune.add_argument(
-        "--policy", metavar="SPEC", help="the policy; its numbers are the start: belief:0.6, program:FILE"
+        "--policy",
+        metavar="SPEC",
+        help="the policy; its numbers are the start: belief:0.6, program:FILE, a Tunable own.py:NAME",
     )
     tune.add_argument("--method", choices=METHODS, help="default gradient")
     tune.add_argument("--measure", choices=MEASURES, help="what to maximise (default: return, undiscounted)")
@@ -104,29 +108,40 @@ def _sweep(options: argparse.Namespace) -> None:
     try:
         table = _swept(options)
     except KeyboardInterrupt:
-        if folder is not None:
-            print(f"harness: go on with: harness sweep --resume {folder}", file=sys.stderr)
+        _say_how_to_go_on("sweep", options)
         raise
     print(_rows(table))
     if folder is not None:
         _draw_sweep(table, folder)
 
 
+def _say_how_to_go_on(command: str, options: argparse.Namespace) -> None:
+    """With what the folder does not bring: a domain's file, and a policy's code."""
+    from harness.policy import names_code
+
+    folder = options.resume or options.out
+    if folder is not None:
+        own = [options.domain] if Path(options.domain or "").suffix in (".jl", ".npz") else []
+        own += ["--policy", options.policy] if options.policy and names_code(options.policy) else []
+        print("harness: go on with: harness", command, "--resume", folder, *own, file=sys.stderr)
+
+
 def _swept(options: argparse.Namespace) -> pd.DataFrame:
     from harness.tuning import sweeping
 
-    named = ("policy", "parameter", "start", "stop", "points", "episodes", "seed", "horizon")
+    named = ("parameter", "start", "stop", "points", "episodes", "seed", "horizon")
     given = {name: value for name in named if (value := getattr(options, name)) is not None}
+    execution = {"policy": options.policy, "engine": options.engine, "progress": True}
     if options.resume is not None:
         if given:
             raise HarnessError(
                 f"--resume goes on with what {options.resume} was told; {next(iter(given))} cannot be changed "
-                f"(only DOMAIN and --engine can be given)"
+                f"(only DOMAIN, --policy and --engine can be given)"
             )
-        return sweeping.resume(options.resume, options.domain, engine=options.engine, progress=True)
+        return sweeping.resume(options.resume, options.domain, **execution)
     if options.domain is None or options.policy is None:
         raise HarnessError("sweep needs a DOMAIN and a --policy (or --resume DIR)")
-    return sweeping.sweep(options.domain, **given, engine=options.engine, out=options.out, progress=True)
+    return sweeping.sweep(options.domain, **given, **execution, out=options.out)
 
 
 def _rows(table: pd.DataFrame) -> str:
@@ -167,8 +182,7 @@ def _tune(options: argparse.Namespace) -> None:
     try:
         result = _run(options, given)
     except KeyboardInterrupt:
-        if folder is not None:
-            print(f"harness: go on with: harness tune --resume {folder}", file=sys.stderr)
+        _say_how_to_go_on("tune", options)
         raise
     print(_summary(result))
     if folder is not None:

@@ -5,6 +5,7 @@
 - ``history.csv``: one row a generation
 - ``checkpoint.npz``: the population of a generation that is in the history
 - ``best.txt``: the best program so far; in the end, the winner
+- ``improvements.json``: how it came about (:mod:`harness.ge.improvements`)
 - ``finalists.csv``: in the end, the programs that were compared once more
 - ``best.json``: in the end, the winner with its scores and all that it came from
 
@@ -29,6 +30,7 @@ import pandas as pd
 
 from harness import files, host
 from harness.errors import HarnessError, SnapshotError
+from harness.ge.improvements import Improvements
 from harness.ge.mapping import Codons
 from harness.model import archive
 
@@ -55,6 +57,8 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         """``path`` need not exist."""
         self.path = path
+        self.improvements: Improvements | None = None
+        """Of a run under way."""
         self._written = 0  # rows of the history on disk
 
     def create(self, config: Mapping[str, Any], grammar: str) -> None:
@@ -134,6 +138,8 @@ class RunFolder:
         if self._written == len(state.rows):
             return
         self._check_there()
+        if self.improvements:
+            self.improvements.save()
         history = _csv(state.rows)
         files.replace_text(self.path / "history.csv", history)
         arrays = {

@@ -21,6 +21,7 @@ from harness.ge.defaults import grammar_for
 from harness.ge.fitness import ProgramFitness, check_language
 from harness.ge.folder import RunFolder, State, provenance
 from harness.ge.grammar import Grammar
+from harness.ge.improvements import Improvements
 from harness.ge.parameters import LAMARCKIAN, Parameters, from_record
 from harness.ge.results import Best, Evolution
 from harness.model.domain import Domain
@@ -116,6 +117,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
     rivals: list[str] = []
     if folder:
         files.replace_text(folder.path / parameter_file.NAME, parameter_file.text(p, setup.domain.name))
+        folder.improvements = Improvements(folder.path, rows)
     try:
         for generation in loop.evolve(setup.grammar, p, fitness, first, start, _refiner(setup, fitness)):
             if generation.number == p.generations:
@@ -123,6 +125,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
             if generation.number == len(rows):  # a checkpoint's own generation has its row
                 now = time.monotonic()
                 rows.append(_row(setup, fitness, generation, now - begun))
+                _see(folder, fitness, generation, rows[-1])
                 watch(rows[-1])
                 begun = now
             last = generation
@@ -134,6 +137,12 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
             _save(folder, fitness, last, rows[: last.number + 1])
     assert last is not None
     return _finish(setup, fitness, last, rivals, pd.DataFrame(rows), folder)
+
+
+def _see(folder: RunFolder | None, fitness: ProgramFitness, generation: loop.Generation, row: dict[str, Any]) -> None:
+    best = generation.best()
+    if folder and folder.improvements and best is not None:
+        folder.improvements.see(row, fitness.compile(best))
 
 
 def _refiner(setup: Setup, fitness: ProgramFitness) -> loop.Refine | None:

@@ -22,7 +22,7 @@ from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
 from harness.solver.solution import GRAPH_KIND, read
 
-__all__ = ["Policy", "check_from_data", "default_specs", "make", "make_from_data", "named", "specs"]
+__all__ = ["Policy", "check_from_data", "default_specs", "make", "make_from_data", "named", "names_code", "specs"]
 
 MOST_SIMULATIONS = 1_000_000
 """What ``rollout`` simulates of each action at most: a step then takes minutes, in which no Ctrl-C is heard."""
@@ -225,6 +225,11 @@ def _own(spec: str, domain: Domain) -> Policy:
     raise PolicyError(f"no policy {quoted(spec)}{hint} (on {domain.name}: {', '.join(specs(domain))})")
 
 
+def names_code(spec: str) -> bool:
+    """Whether a policy string is the path of Python code, and no policy of the harness's."""
+    return own.is_path(spec) and all(kind.word != spec.partition(":")[0] for kind in _KINDS)
+
+
 def check_from_data(spec: str, allow_code: bool = False) -> None:
     """Make sure that a policy string which stands in data (a table, a list of scores, a run's record) names no file.
 
@@ -233,8 +238,7 @@ def check_from_data(spec: str, allow_code: bool = False) -> None:
     Raises:
         PolicyError: it names one, and ``allow_code`` is False; the message says what would be read or run.
     """
-    word = spec.partition(":")[0]
-    code = own.is_path(spec) and all(kind.word != word for kind in _KINDS)
+    word, code = spec.partition(":")[0], names_code(spec)
     if (code or any(kind.word == word and kind.needs_file for kind in _KINDS)) and not allow_code:
         raise PolicyError(registry.refusal(spec, "run" if code else "read"))
 

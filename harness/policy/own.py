@@ -23,6 +23,8 @@ from harness.policy.base import Policy
 GROUP = "pomdp_harness.policies"
 """Entry points of installed packages that bring policies; each stands for what ``module:Name`` may stand for."""
 
+POLICY = "policy: an object with reset(batch) and act(batch)"
+
 
 def installed() -> dict[str, EntryPoint]:
     """Policies that installed packages bring, by name."""
@@ -42,11 +44,11 @@ def is_there(spec: str) -> bool:
     return where.endswith(".py") or importlib.util.find_spec(where.split(".")[0]) is not None
 
 
-def load(spec: str, domain: Domain) -> Policy:
+def load(spec: str, domain: Domain, kind: Any = Policy, what: str = POLICY) -> Any:
     """The policy that a path stands for; the module that it names is run.
 
     The name may stand for a class, which is given the domain where it has a parameter ``domain``; for a function from
-    the domain to a policy; or for a policy.
+    the domain to a policy; or for a policy. ``kind`` is the protocol that is needed, ``what`` the words for it.
 
     Raises:
         PolicyError: there is no such module or name, its code fails, or it makes no policy.
@@ -60,7 +62,7 @@ def load(spec: str, domain: Domain) -> Policy:
         raise PolicyError(f"{quoted(spec)}: {_told(error)}") from error
     if not hasattr(module, name):
         raise PolicyError(f"{quoted(where)} has no {quoted(name)}{nearest(name, vars(module))}")
-    return _made(getattr(module, name), domain, spec)
+    return _made(getattr(module, name), domain, spec, kind, what)
 
 
 def load_installed(point: EntryPoint, domain: Domain) -> Policy:
@@ -73,7 +75,7 @@ def load_installed(point: EntryPoint, domain: Domain) -> Policy:
         found = point.load()
     except Exception as error:
         raise PolicyError(f"{quoted(point.name)} ({quoted(point.value)}): {_told(error)}") from error
-    return _made(found, domain, point.name)
+    return _made(found, domain, point.name, Policy, POLICY)
 
 
 def _file(path: Path) -> ModuleType:
@@ -96,18 +98,18 @@ def _look_in(folder: Path) -> None:
         sys.path.append(str(folder))
 
 
-def _made(found: Any, domain: Domain, spec: str) -> Policy:
+def _made(found: Any, domain: Domain, spec: str, kind: Any, what: str) -> Any:
     try:
-        made = found if _is_policy(found) else _call(found, domain)
+        made = found if _is(found, kind) else _call(found, domain)
     except Exception as error:
         raise PolicyError(f"{quoted(spec)}: {_told(error)}") from error
-    if not _is_policy(made):
-        raise PolicyError(f"{quoted(spec)} makes no policy: an object with reset(batch) and act(batch) is needed")
+    if not _is(made, kind):
+        raise PolicyError(f"{quoted(spec)} makes no {what} is needed")
     return made
 
 
-def _is_policy(found: Any) -> bool:
-    return isinstance(found, Policy) and not isinstance(found, type)
+def _is(found: Any, kind: Any) -> bool:
+    return isinstance(found, kind) and not isinstance(found, type)
 
 
 def _call(found: Any, domain: Domain) -> Any:

@@ -79,6 +79,11 @@ class ProgramPolicy:
         )
         return last
 
+    @property
+    def at(self) -> NDArray[np.int64]:
+        """(E,) instruction of each episode's last operation; −1 where the program has come to its end."""
+        return np.where(self._place == _ENDED, -1, self._place - 1)
+
 
 def _require_same_words(mine: Domain, other: Domain) -> None:
     """Compiled code finds actions, observations, beliefs and visible numbers by their index."""

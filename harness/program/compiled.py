@@ -35,6 +35,14 @@ class Program:
         return "\n".join([*head, *lines(self.code, self.words)]) + "\n"
 
     @cached_property
+    def line_of(self) -> NDArray[np.int64]:
+        """(n,) line of :attr:`text`, counted from 0, that an operation stands on; −1 for instructions that are none."""
+        found = np.full(len(self.code), -1)
+        # Of printed lines those with an operation end with its parenthesis, and only those: one each, in order.
+        found[self.code["op"] == ACT] = [i for i, line in enumerate(self.text.split("\n")) if line.endswith(")")]
+        return found
+
+    @cached_property
     def length(self) -> int:
         """Number of statements; an ``if`` or ``while`` over a single operation is one statement with it."""
         op, jump = self.code["op"], self.code["jump"]

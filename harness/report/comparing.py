@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from harness.report import bars
 from harness.report.inputs import Table
 from harness.report.markup import caption_of, escape, note, plain_table, scrolled
 from harness.report.replays import Wanted
@@ -26,14 +27,14 @@ def title(table: Table) -> str:
 
 
 def body(table: Table) -> str:
-    """The table, which the page's script makes sortable."""
+    """The table, which the page's script makes sortable, and bars of it."""
     frame, cells = table.frame, rendering.shown(table.frame)
     head = "".join(f'<th scope="col"{_left(name)}>{escape(name)}</th>' for name in cells)
     rows = "".join(_row(frame.iloc[i], cells.iloc[i]) for i in range(len(frame)))
     caption = rendering.heading(frame)
     inside = f"{caption_of(caption)}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
     table_of_means = scrolled(caption, f'<table class="sortable">{inside}</table>')
-    return table_of_means + _differences(frame) + note(rendering.footnote(frame))
+    return table_of_means + bars.figures(frame) + _differences(frame) + note(rendering.footnote(frame))
 
 
 def _differences(frame: pd.DataFrame) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pandas as pd
@@ -12,10 +13,12 @@ from harness.ge.results import quartiles
 from harness.report import charts
 from harness.report.charts import Chart, Series
 from harness.report.inputs import Run, Runs
-from harness.report.markup import details, facts, listed, note, plain_table, plus_minus, program
+from harness.report.markup import details, facts, listed, note, plain_table, plus_minus
+from harness.report.programs import changes, difference, listing
 from harness.report.replays import Wanted
 
 _FRESH = "the best on fresh episodes"
+_MOST_IMPROVEMENTS = 12  # the largest are shown
 
 
 def title(found: Run | Runs) -> str:
@@ -28,7 +31,13 @@ def title(found: Run | Runs) -> str:
 def body(found: Run | Runs) -> str:
     """Learning curve, best program and where it comes from."""
     if isinstance(found, Run):
-        return _unfinished([found]) + _curve(found) + _winner(found, "Best program") + _finalists(found)
+        return (
+            _unfinished([found])
+            + _curve(found)
+            + _winner(found, "Best program")
+            + _finalists(found)
+            + _improvements(found)
+        )
     done = [run for run in found.runs if run.best is not None]
     return "".join(
         [
@@ -36,6 +45,7 @@ def body(found: Run | Runs) -> str:
             _curves(found),
             _scores(done) if done else "",
             _winner(best_of(found), f"Best program: of {best_of(found).name}"),
+            _improvements(best_of(found)),
             *(details(f"Program of {run.name}", _program(run)) for run in found.runs if run is not best_of(found)),
         ]
     )
@@ -121,9 +131,9 @@ def _scores(runs: Sequence[Run]) -> str:
     for run in runs:
         best: Mapping[str, Any] = run.best or {}
         score = best["score"]
-        figures = (best["fitness"], best["validation"], score["mean"], score["sem"])
+        figures = (best["validation"], score["mean"], score["sem"])
         more = (score["discounted_mean"], score["discounted_sem"])
-        cells = [f"{x:.2f}" for x in (*figures, *more)]
+        cells = ["" if x is None else f"{x:.2f}" for x in (best["fitness"], *figures, *more)]
         rows.append([run.seed, *cells, f"{score['success_rate']:.1%}", _length(run)])
     return plain_table("Winners of the runs", head, rows) + note(
         "fitness: in the last generation, whose episodes chose the program, so a lucky figure; validation: among the "
@@ -143,7 +153,7 @@ def _winner(run: Run, heading: str) -> str:
 
 
 def _program(run: Run) -> str:
-    return (program(run.program) if run.program else note("No program yet.")) + facts(_provenance(run))
+    return (listing(run.program) if run.program else note("No program yet.")) + facts(_provenance(run))
 
 
 def _provenance(run: Run) -> dict[str, object]:
@@ -156,7 +166,9 @@ def _provenance(run: Run) -> dict[str, object]:
             "discounted": plus_minus(score["discounted_mean"], score["discounted_sem"]),
             "success": f"{score['success_rate']:.1%}",
             "fitness among the finalists": f"{validation:.2f} ({p['validation_episodes']:,} other episodes)",
-            "fitness in the last generation": f"{fitness:.2f} (chosen by these {p['episodes']:,} episodes: lucky)",
+            "fitness in the last generation": ""  # none of a program whose constants were tuned after it
+            if fitness is None
+            else f"{fitness:.2f} (chosen by these {p['episodes']:,} episodes: lucky)",
         }
     return {
         **scores,
@@ -178,3 +190,32 @@ def _finalists(run: Run) -> str:
     rows = [[k + 1, *row] for k, row in enumerate(run.finalists[columns].values.tolist())]
     head = ["rank", "fitness", "validation", "± s.e.", "statements"]
     return details("The finalists", plain_table("Programs of the last generation, compared once more", head, rows))
+
+
+def _improvements(run: Run) -> str:
+    """How the program came about: what changed wherever its score on fresh episodes rose, the largest rises."""
+    found = [{**each, "program": "\n".join(each["program"])} for each in run.improvements]
+    if not found:
+        return ""
+    steps = [(old, new) for old, new in pairwise(found) if old["program"] != new["program"]]
+    largest = sorted(steps, key=lambda step: step[0]["test"] - step[1]["test"])[:_MOST_IMPROVEMENTS]
+    parts = [details(f"Generation {found[0]['generation']}: {found[0]['test']:.2f}", listing(found[0]["program"]))]
+    parts += [_step(*step) for step in steps if step in largest]
+    last = found[-1]["program"]
+    if run.best is not None and run.program != last:
+        parts.append(details(f"The winner: {changes(last, run.program)}", difference(last, run.program)))
+    fewer = f"; the {len(largest)} largest of {len(steps)}" if len(largest) < len(steps) else ""
+    return (
+        "<h3>How it came about</h3>"
+        + note(
+            "Every generation's best plays the same fresh episodes. Below is what changed wherever their mean return "
+            f"was higher than ever before{fewer}. The winner is chosen among the last generation, on other episodes."
+        )
+        + "".join(parts)
+    )
+
+
+def _step(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    heading = f"Generation {new['generation']}: {new['test']:.2f} ({new['test'] - old['test']:+.2f}), "
+    heading += changes(old["program"], new["program"])
+    return details(heading, difference(old["program"], new["program"]))

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from harness.errors import HarnessError, quoted
-from harness.ge import results
+from harness.ge import improvements, results
 from harness.ge.folder import RunFolder
 from harness.ge.parameters import from_record
 from harness.ge.runs import folders_of
@@ -42,6 +42,8 @@ class Run:
     program: str
     """The best program so far, in the end the winner; empty where there is none yet."""
     finalists: pd.DataFrame | None
+    improvements: Sequence[Mapping[str, Any]]
+    """How it came about (:mod:`harness.ge.improvements`)."""
 
     @property
     def seed(self) -> int:
@@ -152,6 +154,7 @@ def _run(path: Path, name: str) -> Run:
         best,
         "\n".join(best["program"]) if best else records.text(text).rstrip() if text.exists() else "",
         _finalists(path / "finalists.csv"),
+        improvements.read(path),
     )
 
 
@@ -173,7 +176,8 @@ def _best(path: Path) -> dict[str, Any] | None:
     if not isinstance(best["program"], list):
         raise HarnessError(f"{path}: program must be a list of lines; write the file again")
     records.check_texts(best["program"], path, "a line of the program")
-    records.check_numbers(best, path, ["fitness", "validation"])
+    tuned_at_the_end = best["fitness"] is None  # a program that no generation has seen
+    records.check_numbers(best, path, ["validation"] if tuned_at_the_end else ["fitness", "validation"])
     records.check_score(best["score"], path)
     return best
 
@@ -199,7 +203,7 @@ def _tuning(path: Path, name: str) -> Tuning:
 
 
 def _check_places(result: Mapping[str, Any], path: Path) -> None:
-    """Check start, end and gain; a result of an older version has none of them."""
+    """Check start, end and gain, and the numbers; a result of an older version has none of the first three."""
     if "gain" not in result:
         return
     for name in ("start", "ended", "gain"):
@@ -209,6 +213,10 @@ def _check_places(result: Mapping[str, Any], path: Path) -> None:
     for place in (result["start"], result["ended"]):
         records.check_texts([place.get("policy")], path, "policy")
         records.check_score(place.get("fresh"), path)
+    for place in (result, result["start"]):
+        if not isinstance(place.get("theta"), dict):
+            raise HarnessError(f"{path}: theta must be an object; write the file again")
+        records.check_numbers(place["theta"], path, place["theta"])
 
 
 def _history(path: Path, needed: Sequence[str], columns: Sequence[str] = ()) -> pd.DataFrame:

@@ -47,14 +47,6 @@ def details(summary: str, body: str, *, opened: bool = False) -> str:
     return f"<details{' open' if opened else ''}><summary>{escape(summary)}</summary>{body}</details>"
 
 
-def program(text: str) -> str:
-    """A program with a button that copies it."""
-    return (
-        '<div class="program"><button type="button" class="copy" hidden>Copy</button>'
-        f'<pre tabindex="0"><code>{escape(text)}</code></pre></div>'
-    )
-
-
 def plain_table(caption: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table of numbers, the first column being what the row is about."""
     header = "".join(f'<th scope="col">{escape(name)}</th>' for name in head)

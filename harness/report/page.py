@@ -5,14 +5,16 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Sequence
+from datetime import date
 from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
 
+from harness import host
 from harness.report.markup import data, escape, note
 
 STATIC = Path(__file__).resolve().parent / "static"
-SCRIPTS = ("base.js", "tables.js", "charts.js", "grids.js", "player.js", "main.js")
+SCRIPTS = ("base.js", "tables.js", "charts.js", "bars.js", "grids.js", "player.js", "main.js")
 """In the order in which they become one module."""
 
 
@@ -26,8 +28,8 @@ class Section(NamedTuple):
     missing: Sequence[str]
 
 
-def page(title: str, sections: Sequence[Section]) -> str:
-    """The whole page."""
+def page(title: str, made: date, sections: Sequence[Section]) -> str:
+    """The whole page; ``made`` is the day that it says it was made on."""
     style = _static("report.css")
     script = "\n".join(_static(name) for name in SCRIPTS)
     contents = "".join(
@@ -43,6 +45,7 @@ def page(title: str, sections: Sequence[Section]) -> str:
         ),
         style=style,
         script=script,
+        made=f'Made on <time datetime="{made}">{made}</time> by pomdp-harness {_version()}',
         contents=contents,
         sections="\n".join(_section(k, each) for k, each in enumerate(sections, 1)),
     )
@@ -55,6 +58,10 @@ def _section(k: int, section: Section) -> str:
     episodes = f"<h3>Episodes, step by step</h3>{player}{notes}" if player or notes else ""
     label = f'id="section-{k}" aria-labelledby="section-{k}-title"'
     return f"<section {label}>{heading}{section.body}{episodes}</section>"
+
+
+def _version() -> str:
+    return escape(host.versions()["pomdp-harness"])
 
 
 def _static(name: str) -> str:

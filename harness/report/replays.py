@@ -16,12 +16,15 @@ from harness.model.domain import Domain
 from harness.policy import Policy
 from harness.policy.program import ProgramPolicy
 from harness.program import parse, words_of
+from harness.report.hidden import hidden
+from harness.report.programs import lines_of
 from harness.show import replay as show
 
 ENGINE = "tables"
 """Both engines play the same episodes; this one needs no Julia."""
 
 _SCALE = 1000  # beliefs are kept in thousandths
+_MOST_STEPS = 10_000  # of an episode, which the page holds whole
 
 
 @dataclass(frozen=True)
@@ -78,14 +81,22 @@ def replays(wanted: Sequence[Wanted], domains: Domains, episodes: int) -> tuple[
         try:
             domain = domains.find(each)
             policy = _policy(each, domain, domains.allow_code)
-            shown = [episode(domain, policy, each.seed, k, each.horizon) for k in range(episodes)]
+            shown = [episode(domain, policy, each.seed, k, _horizon(each)) for k in range(episodes)]
         except HarnessError as error:
             missing.append(f"No replay of {each.label}: {error}.")
             continue
         drawn = domain
         used = getattr(policy, "uses_belief", True)
-        played.append({"name": each.label, "uses_belief": used, "seed": str(each.seed), "episodes": shown})
+        lines = lines_of(policy.program.text) if isinstance(policy, ProgramPolicy) else None
+        about = {"name": each.label, "uses_belief": used, "program": lines, "seed": str(each.seed)}
+        played.append({**about, "episodes": shown})
     return ({"domain": _described(drawn), "policies": played} if drawn else None), missing
+
+
+def _horizon(wanted: Wanted) -> int:
+    if wanted.horizon > _MOST_STEPS:
+        raise HarnessError(f"a page shows episodes of {_MOST_STEPS:,} steps at most, and these may have more")
+    return wanted.horizon
 
 
 def _policy(wanted: Wanted, domain: Domain, allow_code: bool) -> Policy:
@@ -102,6 +113,7 @@ def _described(domain: Domain) -> dict[str, Any]:
         "observations": domain.observations,
         "discount": domain.discount,
         "visible": domain.visible_names,
+        "factors": domain.factors,
         "layout": dict(sorted(domain.layout.items())),
         "features": [_label(domain, i) for i in range(len(domain.features))],
         "cells": [_cell(domain.factor_labels[k][x]) for _, k, x in domain.features],
@@ -133,9 +145,12 @@ def episode(domain: Domain, policy: Policy, seed: int, number: int, horizon: int
     """An episode as columns with an entry for the start and for every step.
 
     ``action`` and ``reading`` are indices (−1: none), ``visible`` the visible values, ``belief`` the features that have
-    changed since the entry before, as index, thousandths, index, thousandths, …
+    changed since the entry before, as index, thousandths, index, thousandths, …; of a program, ``line`` is the line
+    that the action came from (−1: none). Besides, ``hidden`` is the true hidden state (:mod:`harness.report.hidden`).
     """
     columns: dict[str, list[Any]] = {"action": [], "reading": [], "reward": [], "visible": [], "belief": []}
+    follow = ProgramPolicy(policy.program) if isinstance(policy, ProgramPolicy) else None
+    lines: list[int] = [-1]
     before = np.full(len(domain.features), -1)
     for step in show.steps(domain, _Watched(policy), ENGINE, seed, number, horizon):
         read = show.reading(step.batch)
@@ -146,8 +161,22 @@ def episode(domain: Domain, policy: Policy, seed: int, number: int, horizon: int
         columns["visible"].append(list(show.position(step.batch).values()))
         columns["belief"].append(_changes(before, belief))
         before = belief
+        if follow:
+            lines.append(_next_line(follow, step))
+    if follow:
+        columns["line"] = lines[:-1]  # after the last entry no action came
     how = {"terminated": bool(step.batch.done[0]), "ending": show.ending(step, horizon)}
-    return {"episode": number, **how, **columns}
+    true = hidden(domain, columns["action"][1:], seed, number)
+    return {"episode": number, **how, "hidden": true, **columns}
+
+
+def _next_line(follow: ProgramPolicy, step: show.Step) -> int:
+    """Line of the operation that a program takes next, −1 for none; ``follow`` runs it on what its policy has seen."""
+    if step.action is None:
+        follow.reset(step.batch)
+    follow.act(step.batch)
+    at = follow.at[0]
+    return int(follow.program.line_of[at]) if at >= 0 else -1
 
 
 def _changes(before: NDArray[np.int64], after: NDArray[np.int64]) -> list[int]:

@@ -10,8 +10,10 @@ import pandas as pd
 from harness.report import charts
 from harness.report.charts import Chart, Series
 from harness.report.inputs import Sweep, Tuning
-from harness.report.markup import facts, listed, note, plus_minus
+from harness.report.markup import facts, listed, note, plain_table, plus_minus
+from harness.report.programs import difference, listing
 from harness.report.replays import Wanted
+from harness.tuning.outcome import brief
 
 _THETA = "theta_"
 _SHOWN = ("domain", "policy", "method", "measure", "seed", "model_hash")  # by themselves
@@ -52,37 +54,69 @@ def sweep_body(sweep: Sweep) -> str:
 def title(tuning: Tuning) -> str:
     """The section's heading."""
     run = tuning.config["run"]
-    return f"Tuning of {run['policy'].partition(':')[0]} on {run['domain']}"
+    word = "a program" if _is_program(run["policy"]) else run["policy"].partition(":")[0]
+    return f"Tuning of {word} on {run['domain']}"
 
 
 def body(tuning: Tuning) -> str:
-    """The result, what was played, and the path of the parameters."""
+    """The result and what changed in it, what was played, and the path of the parameters."""
     history = tuning.history
-    return _result(tuning) + ("" if history.empty else _values(tuning, history) + _path(history))
+    changed = _numbers(tuning) + _program(tuning)
+    return _result(tuning) + changed + ("" if history.empty else _values(tuning, history) + _path(history))
 
 
 def wanted(tuning: Tuning, seed: int | None) -> list[Wanted]:
-    """The result, in the episodes that ``harness compare`` plays unless told otherwise."""
+    """The result and the start, in the episodes that ``harness compare`` plays unless told otherwise."""
     if tuning.result is None:
         return []
-    run = tuning.config["run"]
+    run, result = tuning.config["run"], tuning.result["policy"]
+    played = {result: "the result", run["policy"]: "the start"} if result != run["policy"] else {result: "the start"}
     return [
         Wanted(
-            label=tuning.result["policy"],
+            label=name if _is_program(policy) else f"{name}, {policy}",
             domain=run["domain"],
             seed=seed or 0,
             horizon=run["horizon"],
-            spec=tuning.result["policy"],
+            spec="" if _is_program(policy) else policy,
+            program=policy if _is_program(policy) else "",
             model_hash=run["model_hash"],
         )
+        for policy, name in played.items()
     ]
+
+
+def _is_program(policy: str) -> bool:
+    """A policy string has no line end, and a program's text ends with one (:func:`harness.tuning.tunable.tunable`)."""
+    return "\n" in policy
+
+
+def _numbers(tuning: Tuning) -> str:
+    """Every number that was tuned: what it was, and what it is now."""
+    result = tuning.result
+    if result is None or "gain" not in result:
+        return ""
+    old, new = result["start"]["theta"], result["theta"]
+    moved = {name: new[name] - old[name] for name in new if name in old}
+    rows = [[name, old[name], new[name], f"{by:+.4g}" if by else "none"] for name, by in moved.items()]
+    order = "; c1, c2, … are the program's, in the order of its text" if _is_program(result["policy"]) else ""
+    return plain_table(f"The numbers tuned{order}", ["number", "start", "result", "change"], rows)
+
+
+def _program(tuning: Tuning) -> str:
+    """The program, where it is one, and what changed in it."""
+    policy = tuning.config["run"]["policy"] if tuning.result is None else tuning.result["policy"]
+    if not _is_program(policy):
+        return ""
+    start = tuning.config["run"]["policy"]
+    changed = "" if policy == start else f"<h3>What the tuning changed</h3>{difference(start, policy)}"
+    return f"<h3>{'Program' if policy == start else 'Tuned program'}</h3>{listing(policy)}{changed}"
 
 
 def _result(tuning: Tuning) -> str:
     run = tuning.config["run"]
     about = {
         "method": run["method"],
-        "start": run["policy"],
+        "start": brief(run["policy"]),
         "measure": run["measure"],
         "seed": run["seed"],
         "parameters": listed({name: value for name, value in run.items() if name not in _SHOWN}),
@@ -94,7 +128,7 @@ def _result(tuning: Tuning) -> str:
     result = tuning.result
     return facts(
         {
-            "result": result["policy"],
+            "result": brief(result["policy"]),
             "return on fresh episodes": _score(result["fresh"], ""),
             **(_beside(result) if "gain" in result else {}),  # a result of an older version has none
             "on the last training episodes": _score(result["training"], " (which the tuning has seen)"),
@@ -113,7 +147,7 @@ def _beside(result: Mapping[str, Any]) -> dict[str, str]:
     return {
         "more than the start": "nothing: the start was the best" if unmoved else more,
         "the start on the same episodes": _score(start["fresh"], ""),
-        "where the method ended": ended["policy"],
+        "where the method ended": "at the result" if ended["policy"] == result["policy"] else brief(ended["policy"]),
         "the end on the same episodes": _score(ended["fresh"], ""),
     }
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import time
 from collections.abc import Sequence
+from datetime import date, datetime, timezone
 from pathlib import Path
 
 from harness import files
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 from harness.model.domain import Domain
 from harness.report import comparing, evolving, inputs, records, tuned
 from harness.report.inputs import Input, Sweep, Table, Tuning
@@ -24,6 +27,7 @@ def write_report(
     seed: int | None = None,
     domains: Sequence[Domain | str] = (),
     allow_code: bool = False,
+    made: date | None = None,
 ) -> Path:
     """Write ``index.html``, one page that needs no other file and no network, from results on disk.
 
@@ -35,9 +39,11 @@ def write_report(
         seed: of the episodes; by default those that a table is of, and seed 0 for the winners of runs.
         domains: domains that do not ship with the package (objects, snapshots, Julia files), for their replays.
         allow_code: read and run the files that the results name as domains and policies, for their replays.
+        made: the day that the page says it was made on; by default that of the environment's ``SOURCE_DATE_EPOCH``
+            (seconds since 1970), else today's (UTC).
 
     Returns:
-        The path of the page. The same inputs give the same bytes.
+        The path of the page. The same inputs give the same bytes on the same day.
 
     Raises:
         HarnessError: there is no such input, one is of no known kind or damaged, or the page cannot be written.
@@ -50,11 +56,21 @@ def write_report(
     if not paths:
         raise HarnessError(f"a report needs something to report on: {records.EXPECTED}")
     found = [each for path in paths for each in inputs.read(path)]
+    made = made or _today()
     known = Domains(domains, allow_code)
     sections = [_section(each, known, episodes, seed) for each in found]
     path = Path(out) / "index.html"
-    files.replace_text(path, page("POMDP benchmark report", sections))
+    files.replace_text(path, page("POMDP benchmark report", made, sections))
     return path
+
+
+def _today() -> date:
+    """Now, or the time that whoever builds reproducibly has set (reproducible-builds.org)."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    try:
+        return datetime.fromtimestamp(time.time() if epoch is None else int(epoch), timezone.utc).date()
+    except (ValueError, OverflowError, OSError):
+        raise HarnessError(f"SOURCE_DATE_EPOCH must be seconds since 1970, not {quoted(epoch)}") from None
 
 
 def _section(found: Input, domains: Domains, episodes: int, seed: int | None) -> Section:

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
-from tqdm.auto import tqdm
 
 from harness import engine as engines
 from harness import policy as specs
@@ -15,6 +14,7 @@ from harness.errors import HarnessError, PolicyError
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, Evaluation, evaluate
 from harness.policy import Policy
+from harness.progress import Bar, Progress
 from harness.score import published
 from harness.score.paired import Paired, holm, paired
 from harness.score.table import COLUMNS, DIFFERENCES, Table
@@ -33,7 +33,7 @@ def compare(
     horizon: int = HORIZON,
     engine: str = "auto",
     workers: int | None = None,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> pd.DataFrame:
     """Score policies side by side, on a domain or on several.
 
@@ -48,7 +48,8 @@ def compare(
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.
         workers: threads of the tables engine.
-        progress: show a progress bar for each policy that takes longer than two seconds.
+        progress: True for a bar on a terminal for each policy that takes longer than two seconds, or a function that is
+            called with the number of episodes finished since its last call.
 
     Returns:
         One row a policy and domain, columns :data:`~harness.score.table.COLUMNS`; with ``against`` also
@@ -84,7 +85,7 @@ class _Settings(NamedTuple):
     seed: int
     horizon: int
     workers: int | None
-    progress: bool
+    progress: Progress
 
 
 class _Entry(NamedTuple):
@@ -172,8 +173,7 @@ def _row(entry: _Entry, settings: _Settings, *, keep: bool) -> _Row:
 
 def _played(entry: _Entry, policy: Policy, settings: _Settings) -> Evaluation:
     count = settings.episodes or min(EPISODES, getattr(policy, "max_episodes", EPISODES))
-    hide = None if settings.progress else True  # None: show it on a terminal only
-    with tqdm(total=count, desc=entry.name, unit="episode", delay=2, leave=False, disable=hide) as bar:
+    with Bar(settings.progress, count, desc=entry.name, unit="episode", delay=2) as bar:
         return evaluate(
             entry.domain,
             policy,

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
+from numpy.typing import NDArray
 
 from harness import cards, host, registry
 from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.solver import anytime
 from harness.solver.graph import policy_arrays
+from harness.solver.points import course as points
 from harness.solver.search import N_NODES, TRIALS
 from harness.solver.solution import Solution
 
@@ -26,8 +28,11 @@ GAP = 0.01
 MEMORY = 2.0
 """GB that the solver's arrays may take."""
 SOLVER = "product grid and trials (harness)"
+POINTS_SOLVER = "alpha vectors and sawtooth, by trials (harness)"
 
 _LARGEST_FACTOR = 12
+
+_Course = anytime.Course | points.Course
 
 Watch = Callable[[float, float, float], object]
 """Called with seconds, lower and upper bound, about once a second."""
@@ -41,10 +46,11 @@ class Solved:
     lower: float
     upper: float
     history: pd.DataFrame
-    """A row about every second: ``seconds``, ``lower``, ``upper``, ``nodes``, ``trials``, ``cells`` (of the grid),
-    ``megabytes``."""
+    """A row about every second: ``seconds``, ``lower``, ``upper``, ``nodes``, ``trials``, ``cells`` (of the grid; where
+    there is none, alpha ``vectors``), ``megabytes``."""
     solution: Solution
-    """The policy as it is stored; :class:`harness.policy.graph.PolicyGraph` plays it."""
+    """The policy as it is stored: a graph, which :class:`harness.policy.graph.PolicyGraph` plays, or alpha vectors, for
+    :class:`harness.policy.alpha.AlphaVectorPolicy`."""
     stopped: str
     """Why it ended, as a sentence."""
 
@@ -70,7 +76,7 @@ class Solved:
             "lower": f"{self.lower:.4f}",
             "upper": f"{self.upper:.4f}",
             "seconds": f"{self.history['seconds'].iloc[-1]:.1f}",
-            "nodes of the policy": f"{len(self.solution.arrays['action']):,}",
+            **_extent(self.solution),
             "stopped": self.stopped,
         }
 
@@ -102,8 +108,11 @@ def solve(
     Ctrl-C ends it early: what has been found by then is the result.
 
     Raises:
-        HarnessError: an argument is out of range, or the domain is not of the kind that this solver takes: a discount
-            below 1, one visible value to start in, hidden factors of at most 12 values.
+        HarnessError: an argument is out of range, the discount is not below 1, or the memory is too little for the
+            domain.
+
+    A domain with hidden factors of at most 12 values and one way to begin is solved on the product grid, any other
+    point by point (:mod:`harness.solver.points`), over the joint value of all factors.
     """
     domain = (registry.load(domain) if isinstance(domain, str) else domain).shaped("none")
     for name, value in (("gap", gap), ("seconds", seconds), ("memory", memory)):
@@ -111,10 +120,10 @@ def solve(
             raise HarnessError(f"{name} must be a number above 0, not {value}")
     _check_solvable(domain, memory)
     begun, rows, stopped = time.monotonic(), [], ""
-    course = None
+    course: _Course | None = None
     try:
-        course = anytime.begin(domain)
-        for latest in anytime.blocks(course, gap, int(memory * 1e9)):
+        course = points.begin(domain) if _by_points(domain) else anytime.begin(domain)
+        for latest in _blocks(course, gap, int(memory * 1e9)):
             course = latest
             rows.append(_row(course, time.monotonic() - begun))
             watch(rows[-1]["seconds"], course.lower, course.upper)
@@ -131,38 +140,62 @@ def solve(
     return Solved(domain, course.lower, course.upper, pd.DataFrame(rows), _solution(course, rows[-1], stopped), stopped)
 
 
+def _by_points(domain: Domain) -> bool:
+    """Whether the product grid does not take it: a large factor, or a start that is split by what is seen first."""
+    split = len(domain.arrays["prior_visible"]) > 1 or (domain.arrays["prior_factor"] >= 0).any()
+    return bool(split) or max(domain.factor_sizes, default=1) > _LARGEST_FACTOR
+
+
+def _blocks(course: _Course, gap: float, memory: int) -> Iterator[_Course]:
+    if isinstance(course, points.Course):
+        return points.blocks(course, gap, memory)
+    return anytime.blocks(course, gap, memory)
+
+
+def _extent(solution: Solution) -> dict[str, str]:
+    if "values" in solution.arrays:
+        return {"alpha vectors": f"{len(solution.arrays['actions']):,}"}
+    return {"nodes of the policy": f"{len(solution.arrays['action']):,}"}
+
+
 def _check_solvable(domain: Domain, memory: float) -> None:
-    if max(domain.factor_sizes, default=1) > _LARGEST_FACTOR:
-        raise HarnessError(
-            f"{domain.name} has a hidden factor of {max(domain.factor_sizes)} values, and this solver takes "
-            f"{_LARGEST_FACTOR} at most; solve it in Julia (--solver sarsop)"
-        )
-    least = 4 * domain.n_visible * domain.n_joint  # the coarsest grid: certainty about every factor
+    if _by_points(domain):
+        least, what = points.least_memory(domain), "what it starts from"
+    else:
+        least, what = 4 * domain.n_visible * domain.n_joint, "the coarsest grid"  # certainty about every factor
     if least > memory * 1e9:
         raise HarnessError(
-            f"{domain.name} needs {least / 1e9:,.1f} GB for the coarsest grid, more than the {memory:g} GB allowed "
-            "(--memory)"
+            f"{domain.name} needs {least / 1e9:,.1f} GB for {what}, more than the {memory:g} GB allowed (--memory)"
         )
 
 
-def _row(course: anytime.Course, seconds: float) -> dict[str, Any]:
+def _row(course: _Course, seconds: float) -> dict[str, Any]:
     return {
         "seconds": seconds,
         "lower": course.lower,
         "upper": course.upper,
-        "nodes": int(course.graph.counts[N_NODES]),
-        "trials": int(course.graph.counts[TRIALS]),
-        "cells": course.rows,
+        **_counts(course),
         "megabytes": course.memory / 1e6,
     }
 
 
-def _solution(course: anytime.Course, last: dict[str, Any], stopped: str) -> Solution:
+def _counts(course: _Course) -> Mapping[str, int]:
+    if isinstance(course, points.Course):
+        return course.facts
+    counts = course.graph.counts
+    return {"nodes": int(counts[N_NODES]), "trials": int(counts[TRIALS]), "cells": course.rows}
+
+
+def _arrays(course: _Course) -> dict[str, NDArray[Any]]:
+    return points.arrays(course) if isinstance(course, points.Course) else policy_arrays(course)
+
+
+def _solution(course: _Course, last: dict[str, Any], stopped: str) -> Solution:
     record = {
-        "solver": SOLVER,
-        **{name: last[name] for name in ("lower", "upper", "seconds", "nodes", "trials", "cells")},
+        "solver": POINTS_SOLVER if isinstance(course, points.Course) else SOLVER,
+        **{name: value for name, value in last.items() if name != "megabytes"},
         "peak_megabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000,
         "versions": host.versions("numpy", "numba"),
         "stopped": stopped,
     }
-    return Solution(record, policy_arrays(course))
+    return Solution(record, _arrays(course))

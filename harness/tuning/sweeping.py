@@ -117,25 +117,29 @@ def sweep(
     return kept.table()
 
 
-def resume(folder: str | Path, domain: Domain | str | None = None, **execution: Any) -> pd.DataFrame:
+def resume(
+    folder: str | Path, domain: Domain | str | None = None, policy: str | Tunable | None = None, **execution: Any
+) -> pd.DataFrame:
     """Go on with the sweep in a folder, with the parameters that it was started with.
 
     Args:
         folder: of the sweep.
         domain: needed where the sweep was of a domain of one's own; otherwise its name is in the folder.
+        policy: needed likewise where the sweep was of an object or of one named by its path.
         execution: ``engine``, ``workers`` and ``progress`` of :func:`sweep`, which change no number.
 
     Raises:
-        HarnessError: there is no sweep, it is damaged, of another version of the domain, or of an object that only a
-            program can make anew (call :func:`sweep` with it and ``resume=True``).
+        HarnessError: there is no sweep, it is damaged, of another version of the domain, or of another policy.
     """
     stored = journal.read_parameters(Path(folder), SWEEP)
     stored.pop("model_hash")
     named = stored.pop("domain")
-    policies.check_from_data(stored["policy"])
-    return sweep(
-        registry.load_from_data(named) if domain is None else domain, **stored, out=folder, resume=True, **execution
-    )
+    if policy is None:
+        policies.check_from_data(stored["policy"])
+    else:
+        stored["policy"] = policy
+    loaded = registry.load_from_data(named) if domain is None else domain
+    return sweep(loaded, **stored, out=folder, resume=True, **execution)
 
 
 def _values(

@@ -10,7 +10,7 @@ import numpy as np
 from harness import policy as policies
 from harness.errors import HarnessError, PolicyError, nearest, quoted
 from harness.model.domain import Domain
-from harness.policy import Policy, thresholds
+from harness.policy import Policy, own, thresholds
 from harness.policy.program import ProgramPolicy
 from harness.program import parse, words_of
 from harness.tuning.constants import Constants, Vector
@@ -71,6 +71,7 @@ class Heuristic:
         return f"{self.word}:" + ",".join(f"{name}={x}" for name, x in zip(self.names, numbers, strict=True))
 
 
+_WHAT = "tunable policy: an object with names, lower, upper, start, policy(theta) and text(theta)"
 _BOUNDS = {
     "accuracy": {"threshold": (0.5, 1.0)},
     "belief": {"threshold": (0.5, 1.0)},
@@ -82,7 +83,7 @@ def tunable(spec: str | Tunable, domain: Domain) -> Tunable:
     """What a policy string makes tunable, from the numbers it gives (or the policy's defaults) as the start.
 
     A program is named by its file (``program:FILE``), or given as its text, which has line ends: so a run's
-    ``config.json`` holds all that it came from.
+    ``config.json`` holds all that it came from. A Tunable of the user's own is named by its path (``own.py:Name``).
 
     Raises:
         PolicyError: the string means nothing on this domain, a number is out of range, or nothing in it can be tuned.
@@ -91,6 +92,8 @@ def tunable(spec: str | Tunable, domain: Domain) -> Tunable:
         if isinstance(spec, Tunable):
             return spec
         raise PolicyError(f"{type(spec).__name__} cannot be tuned: an object of the Tunable protocol is needed")
+    if policies.names_code(spec) and own.is_there(spec):
+        return own.load(spec, domain, Tunable, _WHAT)
     if "\n" in spec:
         return Constants(parse(spec, words_of(domain)))
     text, made = policies.make(spec, domain)  # checks it and fills in the defaults

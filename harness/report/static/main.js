@@ -17,7 +17,9 @@ function copying(program) {
   });
 }
 
+document.querySelectorAll("table").forEach(named);
 document.querySelectorAll("table.sortable").forEach(sortable);
 document.querySelectorAll("figure.chart").forEach(chart);
+document.querySelectorAll("figure.comparison").forEach(comparison);
 document.querySelectorAll("div.player").forEach(player);
 document.querySelectorAll("div.program").forEach(copying);

@@ -1,6 +1,7 @@
 // Episodes step by step: by buttons, by a slider, by keys, or by themselves.
 
-const TICK = 700; // milliseconds a step when playing
+const TICK = 700; // milliseconds a step when playing at usual speed
+const SPEEDS = { "½×": 0.5, "1×": 1, "2×": 2, "4×": 4 };
 
 const ICONS = { // shapes, because not every font has these signs
   first: "M5 5h2.5v14H5zM19 5v14L9 12z", back: "M15.6 4.6L17.5 6.5 12 12l5.5 5.5-1.9 1.9L8.2 12z",
@@ -15,7 +16,7 @@ function player(place) {
   for (const episode of policies.flatMap((policy) => policy.episodes)) unpack(episode, domain);
   const board = picture(domain);
   const parts = controls(policies);
-  const bars = beliefBars(domain);
+  const [bars, program, truth] = [beliefBars(domain), programLines(), hiddenState(domain)];
   const log = make("ol", { start: 0 });
   const steps = make("details", {}, make("summary", {}, "All steps as text"), log);
   // On a phone the controls come right below the map; the beliefs stand beside both, or after them.
@@ -25,7 +26,10 @@ function player(place) {
   const told = make("div", { class: "told" }, parts.line, parts.sum, parts.buttons, parts.slider, ...legend, keys);
   if (board) scene.append(board.svg);
   scene.append(told);
-  if (domain.features.length > 0) scene.append(bars.element);
+  const beside = make("div", { class: "beside" }, program.element);
+  if (domain.features.length > 0) beside.append(bars.element);
+  if (domain.factors.length > 0) beside.append(truth.element);
+  scene.append(beside);
   place.append(parts.choice, scene, steps);
   place.setAttribute("tabindex", "0");
   place.setAttribute("role", "group");
@@ -43,6 +47,8 @@ function player(place) {
     for (const name of ["forward", "last"]) parts[name].disabled = k === last();
     board?.show(episode, k);
     bars.show(policies[parts.policy.selectedIndex], episode, k);
+    program.show(episode, k);
+    truth.show(episode, k === last());
     log.querySelector("[aria-current]")?.removeAttribute("aria-current");
     log.children[k].setAttribute("aria-current", "step");
   };
@@ -51,7 +57,7 @@ function player(place) {
     timer = 0;
     if (on) {
       if (k === last()) show(0);
-      timer = setInterval(() => (k < last() ? show(k + 1) : playing(false)), TICK);
+      timer = setInterval(() => (k < last() ? show(k + 1) : playing(false)), TICK / SPEEDS[parts.speed.value]);
     }
     // Not read out while it runs by itself: a screen reader could not keep up.
     parts.line.setAttribute("aria-live", on ? "off" : "polite");
@@ -61,7 +67,9 @@ function player(place) {
   };
   const go = (to) => { playing(false); show(to); };
   const choose = () => {
-    episode = policies[parts.policy.selectedIndex].episodes[parts.episode.selectedIndex];
+    const policy = policies[parts.policy.selectedIndex];
+    episode = policy.episodes[parts.episode.selectedIndex];
+    program.choose(policy.program);
     parts.slider.max = last();
     log.replaceChildren(...episode.action.map((_, i) => make("li", {}, sentence(domain, episode, i))));
     go(0);
@@ -72,6 +80,7 @@ function player(place) {
   parts.play.addEventListener("click", () => playing(!timer));
   parts.forward.addEventListener("click", () => go(k + 1));
   parts.last.addEventListener("click", () => go(last()));
+  parts.speed.addEventListener("change", () => { if (timer) playing(true); });
   parts.slider.addEventListener("input", () => go(Number(parts.slider.value)));
   parts.episode.addEventListener("change", choose);
   parts.policy.addEventListener("change", () => { listEpisodes(parts, policies); choose(); });
@@ -114,8 +123,10 @@ function controls(policies) {
   };
   const [policy, policyLabel] = select("Policy", policies.map((each) => each.name));
   const [episode, episodeLabel] = select("Episode", []);
+  const [speed, speedLabel] = select("Speed", Object.keys(SPEEDS));
+  speed.value = "1×";
   const parts = {
-    policy, episode, episodeLabel,
+    policy, episode, episodeLabel, speed,
     choice: make("div", { class: "choice" }, policyLabel, episodeLabel),
     first: button("First step", ICONS.first), back: button("Step back", ICONS.back), play: button("Play", ICONS.play),
     forward: button("Step forward", ICONS.forward), last: button("Last step", ICONS.last),
@@ -123,7 +134,7 @@ function controls(policies) {
     line: make("p", { class: "happened", "aria-live": "polite" }),
     sum: make("p", { class: "sum" }),
   };
-  parts.buttons = make("div", { class: "buttons" }, parts.first, parts.back, parts.play, parts.forward, parts.last);
+  parts.buttons = make("div", { class: "buttons" }, parts.first, parts.back, parts.play, parts.forward, parts.last, speedLabel);
   return parts;
 }
 
@@ -164,7 +175,8 @@ function beliefBars(domain) {
     return { item: make("li", {}, make("span", { class: "name" }, name), make("span", { class: "track" }, bar), value), bar, value };
   });
   return { element, show(policy, episode, k) {
-    const beliefs = episode.beliefs[k];
+    const over = episode.terminated && k > 0 && k === episode.action.length - 1;
+    const beliefs = episode.beliefs[over ? k - 1 : k]; // of a terminal state there is nothing to believe
     let shown = rows.map((_, i) => i);
     if (rows.length > domain.many) {
       shown = shown.filter((i) => beliefs[i] > 0).sort((a, b) => beliefs[b] - beliefs[a] || a - b).slice(0, 6);
@@ -175,5 +187,37 @@ function beliefBars(domain) {
     }
     list.replaceChildren(...shown.map((i) => rows[i].item));
     remark.textContent = policy.uses_belief ? "" : "This policy does not look at the belief.";
+  } };
+}
+
+/** The program's lines, the one that the step's action came from marked, and in view. */
+function programLines() {
+  const list = make("ol", { class: "lines", tabindex: 0, "aria-label": "Program" });
+  const element = make("div", { class: "running" }, make("h4", {}, "Program"), list);
+  return { element, choose(lines) {
+    element.hidden = !lines;
+    list.replaceChildren(...(lines ?? []).map((line) => make("li", {}, make("code", {}, line))));
+  }, show(episode, k) {
+    if (element.hidden) return;
+    list.querySelector("[aria-current]")?.removeAttribute("aria-current");
+    const now = list.children[episode.line[k]];
+    now?.setAttribute("aria-current", "true");
+    list.scrollTop = now ? now.offsetTop - (list.clientHeight - now.offsetHeight) / 2 : 0;
+  } };
+}
+
+/** What was true all along: shown when the episode is over, for no policy ever sees it. */
+function hiddenState(domain) {
+  const cell = (name, content) => make(name, name === "th" ? { scope: "row" } : {}, content);
+  const head = make("tr", {}, ...["", "at the start", "at the end"].map((word) => make("th", { scope: "col" }, word)));
+  const rows = make("tbody");
+  const table = make("table", {}, make("caption", {}, "What was true. The policy never saw this."), make("thead", {}, head), rows);
+  const before = make("p", { class: "remark" }, "It is shown at the last step. The policy never sees it.");
+  const element = make("div", { class: "truth" }, make("h4", {}, "True hidden state"), before, table);
+  return { element, show({ hidden }, over) {
+    table.hidden = !over;
+    before.hidden = over;
+    rows.replaceChildren(...domain.factors.map((factor, i) => make("tr", {},
+      cell("th", factor), cell("td", hidden.start[i]), cell("td", hidden.end[i]))));
   } };
 }

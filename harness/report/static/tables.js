@@ -1,4 +1,4 @@
-// Tables sorted by a click on a heading, or by Enter and Space on it: the headings become buttons.
+// Tables sorted by a click on a heading, or by Enter and Space on it: the headings become buttons. And all tables on a phone.
 
 function sortable(table) {
   const headings = [...table.tHead.rows[0].cells];
@@ -16,6 +16,13 @@ function sortable(table) {
       body.append(...sorted([...body.rows], column, order === "ascending" ? 1 : -1));
     });
   });
+}
+
+/** On a narrow screen every row becomes a list, in which each value needs its column's name. */
+function named(table) {
+  const names = [...table.tHead.rows[0].cells].map((heading) => heading.textContent);
+  for (const row of table.tBodies[0].rows) [...row.cells].forEach((cell, k) => { cell.dataset.name = names[k]; });
+  table.classList.add("named");
 }
 
 /** Rows by the keys of a column; those without one last, whichever way it goes. */
