@@ -57,6 +57,15 @@ def corners(sizes: Sequence[int]) -> list[list[Point]]:
     return [[tuple(row) for row in np.eye(n)] for n in sizes]
 
 
+def places(old: Levels, new: Levels) -> NDArray[np.int64]:
+    """(L,) where each of the old levels is among its factor's new ones, which hold them all."""
+    found = []
+    for k in range(len(old.stride)):
+        mine = new.point[new.offset[k] : new.offset[k + 1]].tolist()
+        found += [mine.index(point) for point in old.point[old.offset[k] : old.offset[k + 1]].tolist()]
+    return np.array(found, dtype=np.int64)
+
+
 def _ordered(points: list[Point]) -> list[Point]:
     n = len(points[0])
     certain = [tuple(row) for row in np.eye(n).tolist()]

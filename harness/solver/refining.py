@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.solver import levels as level_sets
-from harness.solver import search
-from harness.solver.branches import Branches
-from harness.solver.grid import Above, grid_value
 from harness.solver.levels import Levels, Point
-from harness.solver.search import Graph, Model
+from harness.solver.lookahead import Model, greedy_runs, sensitivity
+from harness.solver.search import Graph
 
 _RUNS = 200
 _HORIZON = 100
@@ -24,87 +24,69 @@ def points_of(levels: Levels, sizes: list[int]) -> list[list[Point]]:
     ]
 
 
-def sensitivity(b: Branches, above: Above, visible: int, belief: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(K,) how much it is worth at a belief what a factor's value is: the grid's largest value less its smallest."""
-    offset = b.factor_offset
-    spans = np.zeros(len(offset) - 1)
-    for k in range(len(spans)):
-        values = []
-        for x in range(offset[k], offset[k + 1]):
-            known = belief.copy()
-            known[offset[k] : offset[k + 1]] = 0.0
-            known[x] = 1.0
-            values.append(grid_value(above, offset, visible, known))
-        spans[k] = max(values) - min(values)
-    return spans
-
-
-def with_priors(b: Branches, above: Above, g: Graph, most: int) -> list[list[Point]]:
-    """Corners, and the initial belief of as many factors as ``most`` cells allow, the most worth knowing first."""
+def with_priors(m: Model, g: Graph, levels: Levels, most: int) -> list[list[Point]]:
+    """The levels, and the initial belief of as many factors as ``most`` cells allow, the most worth knowing first."""
+    b = m.branches
     sizes = np.diff(b.factor_offset).tolist()
-    points = level_sets.corners(sizes)
-    spans = sensitivity(b, above, int(g.visible[0]), g.belief[0])
+    points, spans = points_of(levels, sizes), np.empty(len(sizes))
+    sensitivity(b, m.above, int(g.visible[0]), g.belief[0], spans)
     for k in np.argsort(-spans, kind="stable"):
         start = tuple(float(p) for p in g.belief[0, b.factor_offset[k] : b.factor_offset[k + 1]])
-        wider = [*points[k], start]
-        if level_sets.make([*points[:k], wider, *points[k + 1 :]]).cells <= most:
-            points[k] = wider
+        if start not in points[k] and _cells(points, k) <= most:
+            points[k] = [*points[k], start]
     return points
 
 
-def refined(g: Graph, m: Model, levels: Levels, most: int, seed: int) -> list[list[Point]]:
-    """The levels with others beside them, as many as ``most`` cells allow, each where it saves most.
+def _cells(points: list[list[Point]], k: int) -> int:
+    """Cells of the grid with one more level of factor ``k``."""
+    return math.prod(len(p) + (i == k) for i, p in enumerate(points))
+
+
+def refined(m: Model, g: Graph, levels: Levels, inner: int) -> list[list[Point]]:
+    """The levels with others beside them, ``inner`` a factor at most beside the certain ones, each where it saves most.
 
     What a level saves is judged by the beliefs of greedy runs: between the levels l and r, a convex function may lie
     below its chord at b by as much as (b − l)(r − b)/(r − l) of its change of slope, here taken to be what it is worth
     to know the factor's value. For factors of more than two values the part of a belief that no inner level carries
     takes that place.
     """
-    b = m.branches
-    sizes = np.diff(b.factor_offset).tolist()
+    sizes = np.diff(m.branches.factor_offset).tolist()
     points = points_of(levels, sizes)
-    met, weight = _met(g, m, seed)
-    while sizes:
-        best, choice = 0.0, None
-        for k, n in enumerate(sizes):
-            cells = int(np.prod([len(p) + (i == k) for i, p in enumerate(points)]))
-            mine = met[:, b.factor_offset[k] : b.factor_offset[k + 1]]
-            if cells <= most and len(mine):
-                saved, point = _best_level(points[k], mine, weight[:, k], n)
-                if saved / (1 + 1 / len(points[k])) > best:
-                    best, choice = saved / (1 + 1 / len(points[k])), (k, point)
-        if choice is None:
-            break
-        points[choice[0]] = [*points[choice[0]], choice[1]]
+    met = [_distinct(*each) for each in _met(g, m, inner)]
+    for k, n in enumerate(sizes):
+        while len(points[k]) < n + inner and _cells(points, k) < 2**62:
+            saved, point = _best_level(points[k], *met[k], n)
+            if saved <= 0.0:
+                break
+            points[k] = [*points[k], point]
     return points
 
 
-def _met(g: Graph, m: Model, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Beliefs (S, N) of greedy runs, and (S, K) what they count: the discount by then times the factors' worth."""
-    n = int(m.branches.factor_offset[-1])
-    visible, belief = np.zeros(_HORIZON, dtype=np.int32), np.zeros((_HORIZON, n))
-    beliefs, weights = [], []
-    for run in range(_RUNS):
-        length = search.greedy_run(g, m, seed * _RUNS + run, _HORIZON, visible, belief)
-        for t in range(length):
-            if t == 0 or not np.array_equal(belief[t], belief[t - 1]):
-                beliefs.append(belief[t].copy())
-                worth = sensitivity(m.branches, m.above, int(visible[t]), belief[t])
-                weights.append(m.branches.discount**t * worth)
-    return np.array(beliefs).reshape(len(beliefs), n), np.array(weights).reshape(len(beliefs), -1)
+def _met(g: Graph, m: Model, seed: int) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """For each factor its beliefs in greedy runs, and what they count: the discount by then times the factor's worth."""
+    offset = m.branches.factor_offset
+    beliefs, weights = np.empty((_RUNS * _HORIZON, offset[-1])), np.empty((_RUNS * _HORIZON, len(offset) - 1))
+    count = greedy_runs(m, int(g.visible[0]), g.belief[0], seed, _RUNS, _HORIZON, beliefs, weights)
+    for k, weight in enumerate(weights[:count].T):
+        yield beliefs[:count, offset[k] : offset[k + 1]], weight
+
+
+def _distinct(
+    beliefs: NDArray[np.float64], weight: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The beliefs that differ, and what they count together; as they were met, so that a level is met exactly."""
+    apart, first, index = np.unique(np.round(beliefs, 6), axis=0, return_index=True, return_inverse=True)
+    return beliefs[first], np.bincount(index.ravel(), weight, len(apart))
 
 
 def _best_level(
-    points: list[Point], met: NDArray[np.float64], weight: NDArray[np.float64], n: int
+    points: list[Point], candidates: NDArray[np.float64], total: NDArray[np.float64], n: int
 ) -> tuple[float, Point]:
     """What the best new level would save, and that level: one of the beliefs met."""
-    candidates, index = np.unique(np.round(met, 6), axis=0, return_inverse=True)
-    total = np.bincount(index.ravel(), weight, len(candidates))
     loss = _losses(points, candidates, n)
     now = float(total @ loss)
-    interesting = np.argsort(-(total * loss), kind="stable")[:40]
     best, found = 0.0, tuple(candidates[0])
-    for i in interesting:
+    for i in np.argsort(-(total * loss), kind="stable")[:40]:
         if loss[i] > 1e-6:
             saved = now - float(total @ np.minimum(loss, _losses([*points, tuple(candidates[i])], candidates, n)))
             if saved > best:

@@ -19,12 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.model.splitmix import next_uniform
 from harness.model.tables import compiled, inlined
 from harness.solver.branches import Branches
-from harness.solver.grid import Above, grid_value
+from harness.solver.grid import grid_value
+from harness.solver.lookahead import SNAP, Model, action_value, look_ahead, posterior
 
-SNAP = float(2**43)
 ENDS, NEVER = -1, -2
 """Children that are none: the episode ends; the branch has no probability."""
 
@@ -48,6 +47,8 @@ class Graph(NamedTuple):
     """(M, A) upper bound of each action; inf where not looked at yet."""
     looked: NDArray[np.bool_]
     """(M,) whether the grid as it is has been asked what the actions lead to."""
+    sharp: NDArray[np.bool_]
+    """(M, A) whether that was the sharper grid, not the quick one"""
     first_edge: NDArray[np.int64]
     """(M, A) of an action's children, in the order of its branches; −1 where it has none yet."""
     child: NDArray[np.int64]
@@ -58,16 +59,6 @@ class Graph(NamedTuple):
     """Open addressing: nodes by the hash of what they are; −1: free. A power of two long."""
     counts: NDArray[np.int64]
     """(3,) nodes, edges, trials"""
-
-
-class Model(NamedTuple):
-    """What the search knows of the domain."""
-
-    branches: Branches
-    above: Above
-    floor: NDArray[np.float64]
-    """(V,) what can be had whatever is hidden"""
-    slack: float
 
 
 def empty(b: Branches, nodes: int, edges: int) -> Graph:
@@ -81,6 +72,7 @@ def empty(b: Branches, nodes: int, edges: int) -> Graph:
         np.full(nodes, -1, dtype=np.int16),
         np.full((nodes, b.n_actions), np.inf),
         np.zeros(nodes, dtype=np.bool_),
+        np.zeros((nodes, b.n_actions), dtype=np.bool_),
         np.full((nodes, b.n_actions), -1, dtype=np.int64),
         np.zeros(edges, dtype=np.int64),
         np.zeros(edges),
@@ -92,7 +84,7 @@ def empty(b: Branches, nodes: int, edges: int) -> Graph:
 def grown(graph: Graph, b: Branches, nodes: int, edges: int) -> Graph:
     """The same graph with room for more."""
     larger = empty(b, nodes, edges)
-    for name in ("visible", "belief", "lower", "upper", "action", "ahead", "looked", "first_edge"):
+    for name in ("visible", "belief", "lower", "upper", "action", "ahead", "looked", "sharp", "first_edge"):
         getattr(larger, name)[: graph.counts[N_NODES]] = getattr(graph, name)[: graph.counts[N_NODES]]
     for name in ("child", "probability"):
         getattr(larger, name)[: graph.counts[N_EDGES]] = getattr(graph, name)[: graph.counts[N_EDGES]]
@@ -145,54 +137,26 @@ def node_of(g: Graph, m: Model, v: int, belief: NDArray[np.float64]) -> int:
     return int(i)
 
 
-@inlined
-def _posterior(
-    b: Branches, i: int, n: int, k: int, before: NDArray[np.float64], first: int, after: NDArray[np.float64], snap: bool
-) -> float:
-    """Write the factor's belief after branch ``i`` to ``after[first:]``; the branch's probability."""
-    total, start = 0.0, b.branch[i].matrix
-    if k < 0:
-        return b.matrix[start]
-    for xp in range(n):
-        p = 0.0
-        for x in range(n):
-            p += b.matrix[start + xp * n + x] * before[first + x]
-        after[first + xp] = p
-        total += p
-    if total > 0.0:
-        rest = 1.0
-        for xp in range(n - 1, 0, -1):
-            p = after[first + xp] / total
-            if snap:
-                p = np.floor(p * SNAP + 0.5) / SNAP
-            after[first + xp] = p
-            rest -= p
-        after[first] = max(0.0, rest)
-    return total
+@compiled
+def _look(g: Graph, m: Model, i: int) -> None:
+    """Upper bounds of all actions of node ``i`` from the quick grid one step ahead."""
+    values = np.empty(m.branches.n_actions)
+    look_ahead(m.branches, m.quick, g.visible[i], g.belief[i], values)
+    for a in range(len(values)):
+        g.ahead[i, a] = min(g.ahead[i, a], values[a] + m.slack)
+        g.sharp[i, a] = len(m.above.table) == 0
+    g.looked[i] = True
 
 
 @compiled
-def _look(g: Graph, m: Model, i: int) -> None:
-    """Upper bounds of all actions of node ``i`` from the grid one step ahead."""
-    b = m.branches
-    v, before = g.visible[i], g.belief[i]
-    after = before.copy()
-    for a in range(b.n_actions):
-        va = v * b.n_actions + a
-        k = b.factor[va]
-        n = 1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]
-        first = 0 if k < 0 else b.factor_offset[k]
-        total = 0.0
-        for x in range(n):
-            total += (1.0 if k < 0 else before[first + x]) * b.reward[b.first_row[va] + x]
-        for j in range(b.first_branch[va], b.first_branch[va + 1]):
-            p = _posterior(b, j, n, k, before, first, after, False)
-            if p > 0.0 and not b.branch[j].ends:
-                total += b.discount * p * grid_value(m.above, b.factor_offset, b.branch[j].visible, after)
-        for x in range(n if k >= 0 else 0):
-            after[first + x] = before[first + x]
-        g.ahead[i, a] = min(g.ahead[i, a], total + m.slack)
-    g.looked[i] = True
+def _best(g: Graph, m: Model, i: int) -> int:
+    """The action of the highest upper bound, when the sharper grid has been asked of all that were higher."""
+    while True:
+        best = np.argmax(g.ahead[i])
+        if g.sharp[i, best] or g.first_edge[i, best] >= 0:
+            return best
+        value = action_value(m.branches, m.above, g.visible[i], g.belief[i], best)
+        g.ahead[i, best], g.sharp[i, best] = min(g.ahead[i, best], value + m.slack), True
 
 
 @compiled
@@ -209,7 +173,7 @@ def _expand(g: Graph, m: Model, i: int, a: int) -> None:
     g.counts[N_EDGES] += b.first_branch[va + 1] - b.first_branch[va]
     after = before.copy()
     for j in range(b.first_branch[va], b.first_branch[va + 1]):
-        p = _posterior(b, j, n, k, before, first, after, True)
+        p = posterior(b, j, n, k, before, first, after)
         g.probability[edge] = p
         if p <= 0.0:
             g.child[edge] = NEVER
@@ -225,7 +189,6 @@ def _backup(g: Graph, m: Model, i: int) -> None:
     """Bounds of node ``i`` from its children, as far as its actions have any."""
     b, slack = m.branches, m.slack
     v = g.visible[i]
-    highest = -np.inf
     for a in range(b.n_actions):
         edge = g.first_edge[i, a]
         if edge >= 0:
@@ -243,8 +206,58 @@ def _backup(g: Graph, m: Model, i: int) -> None:
             g.ahead[i, a] = min(g.ahead[i, a], high + slack)
             if low - slack > g.lower[i]:
                 g.lower[i], g.action[i] = low - slack, a
-        highest = max(highest, g.ahead[i, a])
-    g.upper[i] = min(g.upper[i], max(highest + slack, g.lower[i]))
+    g.upper[i] = min(g.upper[i], max(g.ahead[i, _best(g, m, i)] + slack, g.lower[i]))
+
+
+@compiled
+def _kept(g: Graph, b: Branches) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Nodes that the lower bound's policy can reach, the root first, and (M,) their places among them, −1 for others."""
+    place = np.full(g.counts[N_NODES], -1, dtype=np.int64)
+    order = [np.int64(0)]
+    place[0] = 0
+    done = 0
+    while done < len(order):
+        i = order[done]
+        done += 1
+        if g.action[i] >= 0:
+            va = g.visible[i] * b.n_actions + g.action[i]
+            edge = g.first_edge[i, g.action[i]]
+            for e in range(edge, edge + b.first_branch[va + 1] - b.first_branch[va]):
+                c = g.child[e]
+                if c >= 0 and place[c] < 0:
+                    place[c] = len(order)
+                    order.append(c)
+    return np.array(order), place
+
+
+@compiled
+def _keep_edges(g: Graph, b: Branches, order: NDArray[np.int64], place: NDArray[np.int64], kept: Graph) -> None:
+    edge = 0
+    for i in range(len(order)):
+        a = g.action[order[i]]
+        if a >= 0:
+            va = g.visible[order[i]] * b.n_actions + a
+            old = g.first_edge[order[i], a]
+            kept.first_edge[i, a] = edge
+            for e in range(old, old + b.first_branch[va + 1] - b.first_branch[va]):
+                c = g.child[e]
+                kept.child[edge] = place[c] if c >= 0 else c
+                kept.probability[edge] = g.probability[e]
+                edge += 1
+    kept.counts[N_EDGES] = edge
+
+
+def pruned(graph: Graph, b: Branches) -> Graph:
+    """The nodes of the lower bound's policy alone: what a looser upper bound made the search look at is forgotten."""
+    order, place = _kept(graph, b)
+    kept = empty(b, len(graph.visible), len(graph.child))
+    for name in ("visible", "belief", "lower", "upper", "action", "ahead"):
+        getattr(kept, name)[: len(order)] = getattr(graph, name)[order]
+    kept.counts[:] = graph.counts
+    kept.counts[N_NODES] = len(order)
+    _keep_edges(graph, b, order, place, kept)
+    _rehash(kept)
+    return kept
 
 
 @compiled
@@ -261,57 +274,6 @@ def refresh(g: Graph, m: Model) -> None:
         if expanded:
             _look(g, m, i)
             _backup(g, m, i)
-
-
-@compiled
-def greedy_run(
-    g: Graph, m: Model, seed: int, horizon: int, visible: NDArray[np.int32], belief: NDArray[np.float64]
-) -> int:
-    """Follow the action of the best upper bound from the root, branches by chance; writes what was met, says how much.
-
-    ``visible`` (horizon,), ``belief`` (horizon, N). It looks ahead on the grid and leaves the graph as it is.
-    """
-    b = m.branches
-    state = np.array([np.uint64(seed)])
-    v, now = g.visible[0], g.belief[0].copy()
-    after = now.copy()
-    for t in range(horizon):
-        visible[t], belief[t] = v, now
-        best, chosen, u = -np.inf, -1, next_uniform(state)
-        for a in range(b.n_actions):
-            va = v * b.n_actions + a
-            k = b.factor[va]
-            n = 1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]
-            first = 0 if k < 0 else b.factor_offset[k]
-            total = 0.0
-            after[:] = now
-            for x in range(n):
-                total += (1.0 if k < 0 else now[first + x]) * b.reward[b.first_row[va] + x]
-            for j in range(b.first_branch[va], b.first_branch[va + 1]):
-                p = _posterior(b, j, n, k, now, first, after, False)
-                if p > 0.0 and not b.branch[j].ends:
-                    total += b.discount * p * grid_value(m.above, b.factor_offset, b.branch[j].visible, after)
-            if total > best:
-                best, chosen = total, a
-        va = v * b.n_actions + chosen
-        k = b.factor[va]
-        n = 1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]
-        first = 0 if k < 0 else b.factor_offset[k]
-        drawn, p = -1, 0.0
-        after[:] = now
-        for j in range(b.first_branch[va], b.first_branch[va + 1]):
-            p = _posterior(b, j, n, k, now, first, after, False)
-            if p > 0.0:
-                drawn = j
-                u -= p
-                if u < 0.0:
-                    break
-        p = _posterior(b, drawn, n, k, now, first, after, False)
-        if b.branch[drawn].ends:
-            return t + 1
-        v = b.branch[drawn].visible
-        now[:] = after
-    return horizon
 
 
 @compiled
@@ -338,10 +300,7 @@ def trials(g: Graph, m: Model, gap: float, most: int) -> int:
             depth += 1
             if not g.looked[i]:
                 _look(g, m, i)
-            best = 0
-            for a in range(1, b.n_actions):
-                if g.ahead[i, a] > g.ahead[i, best]:
-                    best = a
+            best = _best(g, m, i)
             if g.first_edge[i, best] < 0:
                 _expand(g, m, i, best)
             aim /= b.discount

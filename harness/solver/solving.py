@@ -183,7 +183,7 @@ def _counts(course: _Course) -> Mapping[str, int]:
     if isinstance(course, points.Course):
         return course.facts
     counts = course.graph.counts
-    return {"nodes": int(counts[N_NODES]), "trials": int(counts[TRIALS]), "cells": course.levels.cells}
+    return {"nodes": int(counts[N_NODES]), "trials": int(counts[TRIALS]), "cells": course.rows}
 
 
 def _arrays(course: _Course) -> dict[str, NDArray[Any]]:
