@@ -1,7 +1,7 @@
 """The solver's course of work: a whole grid, coarse; then runs on a sparse finer one and trials, in turns.
 
-The work is cut by its amount, not by the clock, and about as much is spent on trials as on the grid. So the bounds after
-so many blocks are the same on any machine, on any number of cores, and after an interruption.
+The work is cut by its amount, not by the clock, and about as much is spent on trials as on the grid. So the bounds
+after so many blocks are the same on any machine and any number of cores.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class Course:
     @property
     def rows(self) -> int:
         """Cells that the grid holds."""
-        return int(self.above.count[0]) if self.sparse else self.levels.cells
+        return int(self.above.used[0]) if self.sparse else self.levels.cells
 
     @property
     def grid_value(self) -> float:
@@ -143,7 +143,8 @@ class _Tools:
 
     backups: Backups
     waves: list[NDArray[np.int32]]
-    places: Places | None
+    places: Places
+    """Of a sparse grid"""
 
 
 def begin(domain: Domain) -> Course:
@@ -154,7 +155,9 @@ def begin(domain: Domain) -> Course:
     value = np.empty((levels.cells, domain.n_visible), dtype=np.float32)
     value[:] = np.nextafter(np.float32(max(0.0, b.reward.max()) / (1.0 - b.discount)), np.float32(np.inf))
     value[:, domain.arrays["terminal"]] = 0.0
-    course = Course(domain, b, floor, action, levels, levels, grid.whole(value, levels), search.empty(b, 20_000, 100_000))
+    course = Course(
+        domain, b, floor, action, levels, levels, grid.whole(value, levels), search.empty(b, 20_000, 100_000)
+    )
     start = domain.arrays["prior_visible"][0], domain.arrays["prior_marginals"][0].copy()
     search.node_of(course.graph, course.model, int(start[0]), start[1])
     return course
@@ -188,9 +191,8 @@ def blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:
 
 def _tools(course: Course) -> _Tools:
     made = backups(course.branches, course.levels, course.floor)
-    if course.sparse:
-        return _Tools(made, [], exploring.places(made, course.levels, course.branches.n_visible))
-    return _Tools(made, sweeping.waves(course.levels), None)
+    waves = [] if course.sparse else sweeping.waves(course.levels)
+    return _Tools(made, waves, exploring.places(made, course.levels, course.branches.n_visible))
 
 
 def _progress(course: Course) -> tuple[float, ...]:
@@ -261,7 +263,7 @@ def _explored(course: Course, tools: _Tools, memory: int) -> Course:
 
 def _with_room(course: Course, memory: int) -> Course:
     above = course.above
-    used, rows = int(above.count[0]), len(above.cell)
+    used, rows = int(above.used[0]), len(above.cell)
     if rows - used >= 2 * exploring.ROOM:
         return course
     if course.memory + 2 * (above.value.nbytes + above.table.nbytes + above.cell.nbytes) > memory:

@@ -1,4 +1,4 @@
-"""The product grid's MDP: what an action leads to from a cell, the same for all cells with the same level of a factor."""
+"""The product grid's MDP: what an action leads to from a cell, the same for all cells with one level of a factor."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def _step(above: Above, s: Backups, p: Places, cell: int, v: int, u: float) -> t
     for e in range(r.first[which], r.first[which + 1]):
         u -= r.weight[e]
         if u < 0.0:
-            return cell + (0 if kind == 0 else r.step[e]), np.int64(r.visible[e])
+            return cell + (0 if kind == 0 else r.step[e]), int(r.visible[e])
     return -1, -1
 
 
@@ -110,16 +110,16 @@ def explore(
     """
     met = np.empty(_TOGETHER * _HORIZON, dtype=np.int64)
     for batch in range(batches):
-        if len(above.cell) - above.count[0] < ROOM:
+        if len(above.cell) - above.used[0] < ROOM:
             return batch
         count = 0
         for run in range(_TOGETHER):
             state = np.array([np.uint64((seed + batch) * _TOGETHER + run)])
-            cell, now, u = np.int64(-1), np.int64(v), next_uniform(state)
+            cell, now, u = -1, int(v), next_uniform(state)
             for i in range(len(weights)):
                 u -= weights[i]
                 if u < 0.0 and cell < 0:
-                    cell = cells[i]
+                    cell = int(cells[i])
             begin = count
             while cell >= 0 and count - begin < _HORIZON:
                 if count == begin or met[count - 1] != cell:

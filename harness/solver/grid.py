@@ -48,7 +48,7 @@ class Above(NamedTuple):
     """Open addressing: rows by the hash of their cells, 0: free. A power of two long; empty in a whole grid."""
     cell: NDArray[np.int64]
     """(rows,) of a sparse grid"""
-    count: NDArray[np.int64]
+    used: NDArray[np.int64]
     """(1,) rows in use, of a sparse grid"""
     base: NDArray[np.float32]
     """(base's cells, V)"""
@@ -94,7 +94,7 @@ def sparse(base: NDArray[np.float32], old: Levels, new: Levels, sizes: Sequence[
 
 def roomier(above: Above, rows: int) -> Above:
     """The same sparse grid with room for more rows."""
-    used = int(above.count[0])
+    used = int(above.used[0])
     value, cell = np.empty((rows, above.value.shape[1]), dtype=np.float32), np.zeros(rows, dtype=np.int64)
     value[:used], cell[:used] = above.value[:used], above.cell[:used]
     table = np.zeros(1 << int(np.ceil(np.log2(2 * rows))), dtype=np.int64)
@@ -105,14 +105,14 @@ def roomier(above: Above, rows: int) -> Above:
 
 @compiled
 def _rehash(above: Above) -> None:
-    for row in range(1, above.count[0]):
+    for row in range(1, above.used[0]):
         above.table[_slot(above, above.cell[row])] = row
 
 
 @compiled
 def carry(old: Above, new: Above, place: NDArray[np.int64]) -> None:
-    """Copy the rows of a sparse grid to one of more levels; ``place`` (L,) is where each level is among the new ones."""
-    for row in range(1, old.count[0]):
+    """Copy the rows of a sparse grid to one of more levels; ``place`` (L,): each level among the new ones."""
+    for row in range(1, old.used[0]):
         rest, cell = old.cell[row], np.int64(0)
         for k in range(len(old.stride)):
             level = old.offset[k] + rest // old.stride[k]
@@ -120,7 +120,7 @@ def carry(old: Above, new: Above, place: NDArray[np.int64]) -> None:
             cell += place[level] * new.stride[k]
         new.cell[row] = cell
         new.value[row] = old.value[row]
-    new.count[0] = old.count[0]
+    new.used[0] = old.used[0]
     _rehash(new)
 
 
@@ -131,7 +131,7 @@ def _slot(above: Above, cell: int) -> int:
     slot = np.int64((np.uint64(cell) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(20)) & mask
     while above.table[slot] > 0 and above.cell[above.table[slot]] != cell:
         slot = (slot + 1) & mask
-    return slot
+    return int(slot)
 
 
 @inlined
@@ -142,9 +142,9 @@ def row_of(above: Above, cell: int) -> int:
     slot = _slot(above, cell)
     row = above.table[slot]
     if row == 0:
-        if above.count[0] < len(above.cell):
-            row = above.count[0]
-            above.count[0] += 1
+        if above.used[0] < len(above.cell):
+            row = above.used[0]
+            above.used[0] += 1
             above.cell[row] = cell
             above.table[slot] = row
         _fill(above, cell, row)

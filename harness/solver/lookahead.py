@@ -87,7 +87,7 @@ def look_ahead(b: Branches, above: Above, v: int, belief: NDArray[np.float64], v
 
 @compiled
 def sensitivity(b: Branches, above: Above, v: int, belief: NDArray[np.float64], spans: NDArray[np.float64]) -> None:
-    """Write how much it is worth to know each factor (K,): the grid's largest value less its smallest over its values."""
+    """Write how much it is worth to know each factor (K,): the grid's values over its own, most less least."""
     size = widest(above, b.factor_offset, belief)
     cells, weights = np.empty(size, dtype=np.int64), np.empty(size)
     level, share = np.zeros(above.point.shape[1] + 1, dtype=np.int64), np.zeros(above.point.shape[1] + 1)
@@ -123,7 +123,7 @@ def greedy_runs(
     values, count = np.empty(b.n_actions), 0
     for run in range(runs):
         state = np.array([np.uint64(seed * runs + run)])
-        v, now, weight, fresh = np.int64(start), begin.copy(), 1.0, True
+        v, now, weight, fresh = int(start), begin.copy(), 1.0, True
         for _ in range(horizon):
             if fresh:
                 beliefs[count] = now
@@ -135,7 +135,7 @@ def greedy_runs(
             k = b.factor[va]
             n = 1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]
             first = 0 if k < 0 else b.factor_offset[k]
-            u, drawn, after = next_uniform(state), np.int64(-1), now.copy()
+            u, drawn, after = next_uniform(state), -1, now.copy()
             for j in range(b.first_branch[va], b.first_branch[va + 1]):
                 p = posterior(b, j, n, k, now, first, after)
                 if p > 0.0:
@@ -148,5 +148,5 @@ def greedy_runs(
                 break
             weight *= b.discount
             fresh = k >= 0
-            v, now = np.int64(b.branch[drawn].visible), after
+            v, now = int(b.branch[drawn].visible), after
     return count

@@ -63,7 +63,7 @@ def refined(m: Model, g: Graph, levels: Levels, inner: int) -> list[list[Point]]
 
 
 def _met(g: Graph, m: Model, seed: int) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """For each factor its beliefs in greedy runs, and what they count: the discount by then times the factor's worth."""
+    """For each factor its beliefs in greedy runs, and what they count: the discount times the factor's worth."""
     offset = m.branches.factor_offset
     beliefs, weights = np.empty((_RUNS * _HORIZON, offset[-1])), np.empty((_RUNS * _HORIZON, len(offset) - 1))
     count = greedy_runs(m, int(g.visible[0]), g.belief[0], seed, _RUNS, _HORIZON, beliefs, weights)
@@ -76,7 +76,7 @@ def _distinct(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The beliefs that differ, and what they count together; as they were met, so that a level is met exactly."""
     apart, first, index = np.unique(np.round(beliefs, 6), axis=0, return_index=True, return_inverse=True)
-    return beliefs[first], np.bincount(index.ravel(), weight, len(apart))
+    return beliefs[first], np.bincount(index.ravel(), weight, len(apart)).astype(np.float64)
 
 
 def _best_level(

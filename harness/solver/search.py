@@ -152,7 +152,7 @@ def _look(g: Graph, m: Model, i: int) -> None:
 def _best(g: Graph, m: Model, i: int) -> int:
     """The action of the highest upper bound, when the sharper grid has been asked of all that were higher."""
     while True:
-        best = np.argmax(g.ahead[i])
+        best = int(np.argmax(g.ahead[i]))
         if g.sharp[i, best] or g.first_edge[i, best] >= 0:
             return best
         value = action_value(m.branches, m.above, g.visible[i], g.belief[i], best)
@@ -211,7 +211,7 @@ def _backup(g: Graph, m: Model, i: int) -> None:
 
 @compiled
 def _kept(g: Graph, b: Branches) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Nodes that the lower bound's policy can reach, the root first, and (M,) their places among them, −1 for others."""
+    """Nodes that the lower bound's policy can reach, the root first, and (M,) their places among them; −1: not."""
     place = np.full(g.counts[N_NODES], -1, dtype=np.int64)
     order = [np.int64(0)]
     place[0] = 0

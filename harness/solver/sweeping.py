@@ -42,9 +42,7 @@ def waves(levels: Levels) -> list[NDArray[np.int32]]:
 
 
 @compiled
-def sweep(
-    above: Above, s: Backups, cells: NDArray[Any], floor: NDArray[np.float64], discount: float
-) -> None:
+def sweep(above: Above, s: Backups, cells: NDArray[Any], floor: NDArray[np.float64], discount: float) -> None:
     """Back up cells of one wave, in place.
 
     Moves within a cell are solved from ``floor`` (V,), a lower bound of the value, for ``_ABREAST`` cells at once.
@@ -68,9 +66,7 @@ def sweep(
 
 
 @inlined
-def _touch(
-    above: Above, s: Backups, cell: int, best: NDArray[np.float64], scratch: NDArray[np.float64]
-) -> None:
+def _touch(above: Above, s: Backups, cell: int, best: NDArray[np.float64], scratch: NDArray[np.float64]) -> None:
     """Raise ``best`` (V,) to the best of what touches a factor."""
     r, rest = s.rows, cell
     for k in range(len(above.stride)):
