@@ -152,9 +152,9 @@ def toml(text: str) -> dict[str, Any]:
 
 
 def replace_text(path: Path, text: str) -> None:
-    """Write a text file atomically, UTF-8."""
+    """Write a text file atomically, UTF-8; half a character, which that cannot say, as an escape (``\\ud800``)."""
     with replacing(path) as file:
-        file.write(text.encode())
+        file.write(text.encode(errors="backslashreplace"))
 
 
 def replace_json(path: Path, record: Any) -> None:

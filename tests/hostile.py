@@ -475,7 +475,8 @@ def python(rng: Rng, folder: Path) -> None:
 def _odd(rng: Rng, value: Any) -> Any:
     """Something of the same type."""
     if isinstance(value, list):
-        return pick(rng, [[], value * 2, [_odd(rng, value[0])], [*value, _odd(rng, value[0])]])
+        other = [_odd(rng, value[0])] if value else []
+        return pick(rng, [[], value * 2, other, value + other])
     if value is None or isinstance(value, str):
         return pick(rng, SPECS)
     return pick(rng, NUMBERS if isinstance(value, float) else WHOLE)

@@ -240,6 +240,7 @@ def test_missing_arrays_wrong_shapes_and_types_are_refused(tmp_path, name, chang
         ("shapings", ["paper"]),
         ("discount", "0.9"),
         ("discount", 1.5),
+        ("discount", 10**400),
         ("discount", float("nan")),
         ("version", None),
         ("states", 10**4000),

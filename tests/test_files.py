@@ -108,3 +108,8 @@ def test_a_damaged_json_file_is_one_sentence(tmp_path, content, reason):
         path.write_bytes(content)
     with pytest.raises(HarnessError, match=rf"^{path} cannot be read \({reason}.*\); mend it$"):
         files.read_json(path, "mend it")
+
+
+def test_half_a_character_is_written_as_an_escape(tmp_path):
+    files.replace_text(tmp_path / "x", "a\ud800γ")
+    assert (tmp_path / "x").read_text(encoding="utf-8") == "a\\ud800γ"

@@ -186,3 +186,10 @@ class TestMisuse:
 def test_what_is_no_number_is_refused(given):
     with pytest.raises(harness.HarnessError, match="must be a number, not"):
         harness.sweep("rocksample-7x8", "belief", **given)
+
+
+@pytest.mark.parametrize("given", [{"stop": 1e308}, {"start": -np.inf}, {"start": np.nan}, {"values": [0.6, np.inf]}])
+def test_what_is_out_of_range_is_refused(given):
+    """Before a grid is made of it, which NumPy would warn of."""
+    with pytest.raises(harness.HarnessError, match=r"lies between 0\.5 and 1; .* is out of range"):
+        harness.sweep("rocksample-7x8", "belief", **given)

@@ -24,6 +24,7 @@ LARGEST_WHOLE = 2**31 - 1
 """Of versions, numbers of states and indices."""
 LARGEST_REWARD = 1e30
 """Of rewards and values, so that sums and squares of them are still numbers."""
+_LARGEST_NUMBER = 1e300  # a whole number may be too long to be converted to one with a point
 _LARGEST_GRID = 1000
 
 SHAPES: dict[str, tuple[str, ...]] = {
@@ -59,7 +60,7 @@ def record_breaches(record: Mapping[str, Any]) -> Iterator[str]:
         if not whole(record.get(name), least, LARGEST_WHOLE):
             yield f"{name} is {quoted(record.get(name))}, not a whole number of {least} … {LARGEST_WHOLE}"
     discount = record.get("discount")
-    if not isinstance(discount, (int, float)) or isinstance(discount, bool):
+    if not isinstance(discount, (int, float)) or isinstance(discount, bool) or abs(discount) > _LARGEST_NUMBER:
         yield f"discount is {quoted(discount)}, not a number"
     for name in ("name", "title"):
         if not is_name(record.get(name)):

@@ -149,14 +149,18 @@ def _values(
     low, high = float(subject.lower[k]), float(subject.upper[k])
     if values is None:
         ends = low if start is None else _number("start", start), high if stop is None else _number("stop", stop)
+        _check_range(subject.names[k], ends, low, high)
         values = _grid(*ends, points)
     if not 0 < len(values) <= MOST_POINTS:
         raise HarnessError(f"a sweep needs values, {MOST_POINTS:,} at most, not {len(values):,}")
     values = [_number("a value of a sweep", x) for x in values]
-    wrong = [x for x in (values[0], values[-1], *values) if not low <= x <= high]
-    if wrong:  # the ends first: they are what the user gave
-        raise HarnessError(f"{subject.names[k]} lies between {low:g} and {high:g}; {wrong[0]:g} is out of range")
+    _check_range(subject.names[k], values, low, high)
     return values
+
+
+def _check_range(name: str, values: Sequence[float], low: float, high: float) -> None:
+    if wrong := [x for x in values if not low <= x <= high]:
+        raise HarnessError(f"{name} lies between {low:g} and {high:g}; {wrong[0]:g} is out of range")
 
 
 def _number(name: str, x: float) -> float:
