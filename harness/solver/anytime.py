@@ -20,7 +20,6 @@ from harness.solver import exploring, grid, refining, search, sweeping
 from harness.solver import levels as level_sets
 from harness.solver.backups import Backups, backups
 from harness.solver.branches import Branches, branches_of
-from harness.solver.exploring import Places
 from harness.solver.floor import robust
 from harness.solver.grid import Above
 from harness.solver.levels import Levels
@@ -143,8 +142,6 @@ class _Tools:
 
     backups: Backups
     waves: list[NDArray[np.int32]]
-    places: Places
-    """Of a sparse grid"""
 
 
 def begin(domain: Domain) -> Course:
@@ -192,7 +189,7 @@ def blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:
 def _tools(course: Course) -> _Tools:
     made = backups(course.branches, course.levels, course.floor)
     waves = [] if course.sparse else sweeping.waves(course.levels)
-    return _Tools(made, waves, exploring.places(made, course.levels, course.branches.n_visible))
+    return _Tools(made, waves)
 
 
 def _progress(course: Course) -> tuple[float, ...]:
@@ -245,7 +242,7 @@ def _explored(course: Course, tools: _Tools, memory: int) -> Course:
     done = exploring.explore(
         course.above,
         tools.backups,
-        tools.places,
+        exploring.places(tools.backups, course.levels, b.n_visible),
         course.floor,
         b.discount,
         root(course.graph)[0],
