@@ -90,7 +90,7 @@ class TestRequests:
         table = harness.compare(rocksample, ["exit"], episodes=5)
         table.assign(horizon=9_000_000).to_json(tmp_path / "table.json", orient="records")
         page = harness.write_report(tmp_path / "table.json", tmp_path).read_text()
-        assert "No replay of exit: a replay of 9,000,000 steps would take" in page
+        assert "No replay of exit: a page shows episodes of 10,000 steps at most" in page
 
     def test_what_fits_runs(self, rocksample):
         harness.check_policy("exit", rocksample, episodes=1000)

@@ -108,7 +108,7 @@ def _report_one(result: Any, folder: Path) -> None:
     print(
         f"return on fresh episodes         {score.mean:9.2f} ± {score.sem:.2f}   ({score.episodes:,} episodes; {more})"
     )
-    print(f"\n{folder}: history.csv, best.txt, best.json, finalists.csv")
+    print(f"\n{folder}: history.csv, best.txt, best.json, finalists.csv, improvements.json")
     print(f"score it: harness compare {result.domain} --policy program:{folder / 'best.txt'}")
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import host, registry
 from harness import policy as policies
+from harness import registry
 from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.policy import Policy
@@ -23,7 +23,6 @@ from harness.show import replay as show
 ENGINE = "tables"
 """Both engines play the same episodes; this one needs no Julia."""
 
-_ENTRY = 500  # bytes that a step takes, besides the belief
 _SCALE = 1000  # beliefs are kept in thousandths
 _MOST_STEPS = 10_000  # of an episode, which the page holds whole
 
@@ -150,7 +149,6 @@ def episode(domain: Domain, policy: Policy, seed: int, number: int, horizon: int
     that the action came from (−1: none). Besides, ``hidden`` is the true hidden state (:mod:`harness.report.hidden`).
     """
     columns: dict[str, list[Any]] = {"action": [], "reading": [], "reward": [], "visible": [], "belief": []}
-    host.check_memory(f"a replay of {horizon:,} steps", horizon * (_ENTRY + 8 * len(domain.features)))
     follow = ProgramPolicy(policy.program) if isinstance(policy, ProgramPolicy) else None
     lines: list[int] = [-1]
     before = np.full(len(domain.features), -1)

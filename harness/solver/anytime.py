@@ -170,19 +170,24 @@ def blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:
 
     ``memory``: bytes that the grid and the graph may take.
     """
-    tools, idle = _tools(course), 0
-    while course.upper - course.lower > gap and idle < 2:
-        levels, progress = course.levels, _progress(course)  # now: arrays are worked on in place
+    tools, stood = _tools(course), None
+    while course.upper - course.lower > gap:
         if not course.still:
             course = _explored(course, tools, memory) if course.sparse else _swept(course, tools)
         elif course.quota > 0:
             course = _tried(course, gap, memory)
         elif course.sparse and not _stuck(course):
-            course = replace(course, still=False, sweeps=0)
+            course = _once_more(course)
         else:
-            course = _finer(course, memory)
-            tools = tools if course.levels is levels else _tools(course)
-        idle = idle + 1 if course.sparse and course.still and _progress(course) == progress else 0
+            finer = _finer(course, memory)
+            if finer.levels is not course.levels:
+                tools = _tools(finer)
+            elif stood == _progress(course):
+                return
+            else:
+                stood = _progress(course)
+                finer = _once_more(finer)
+            course = finer
         yield course
 
 
@@ -192,8 +197,12 @@ def _tools(course: Course) -> _Tools:
     return _Tools(made, waves)
 
 
+def _once_more(course: Course) -> Course:
+    return replace(course, still=False, sweeps=0)
+
+
 def _progress(course: Course) -> tuple[float, ...]:
-    return course.lower, course.upper, int(course.graph.counts[N_NODES]), course.rows, course.stage
+    return course.lower, course.upper, course.grid_value, int(course.graph.counts[N_NODES]), course.rows, course.refined
 
 
 def _swept(course: Course, tools: _Tools) -> Course:
@@ -220,7 +229,8 @@ def _after_sweep(course: Course) -> Course:
     settling = min(0.99, fall / course.fall) if sweeps > 1 and course.fall > 0 else course.settling
     still = fall * settling / (1 - settling) <= _STILL * (now - course.lower) or sweeps >= _SWEEPS
     course = replace(course, sweeps=sweeps, wave=0, fall=fall, settling=settling)
-    return _at_rest(course, _FIRST_NODES if course.stage > 0 else 0) if still else course
+    coarse = course.stage == 0 and course.levels.cells > 1  # a finer grid costs little and is worth more than trials
+    return _at_rest(course, 0 if coarse else _FIRST_NODES) if still else course
 
 
 def _at_rest(course: Course, quota: int) -> Course:

@@ -3,7 +3,7 @@
 A node is a visible value with the marginals of all factors: an exact belief, as factors are independent. It holds a
 lower and an upper bound of V*. A trial follows the action of the highest upper bound and the branch whose bounds are
 furthest apart in expectation, until they are close, and backs up what it passed. Leaves have the product grid's value
-above (:mod:`harness.solver.grid`) and below what can be had whatever is hidden (:func:`harness.solver.grid.robust`).
+above (:mod:`harness.solver.grid`) and below what can be had whatever is hidden (:func:`harness.solver.floor.robust`).
 
 **Rounding.** The posterior of a step is rounded to multiples of 2⁻⁴³, so that beliefs reached in another order of
 readings are the same node. A node's belief is what it holds: V* there and V* at the exact posterior differ by no more
