@@ -89,7 +89,7 @@ def test_the_default_is_all_that_the_domain_knows(rocksample):
         "qmdp",
         "sarsop",
         "solved",
-        "mdp",
+        "optimum",
     ]
 
 
@@ -203,4 +203,4 @@ def _plain(cell):
 def test_a_pipe_in_a_name_is_no_cell_of_markdown(rocksample):
     table = harness.compare(rocksample, {"a|b": "exit"}, episodes=5, engine="tables")
     row = harness.render(table, "markdown").splitlines()[4]
-    assert len(re.split(r"(?<!\\)\|", row)) == 7 + 2
+    assert len(re.split(r"(?<!\\)\|", row)) == 8 + 2

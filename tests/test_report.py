@@ -231,7 +231,7 @@ class TestPage:
         (table,) = inputs.read(report_inputs["rocks.json"])
         rows = write(tmp_path, report_inputs["rocks.csv"]).rows[:5]  # those of the numbers of the bars come after
         assert rows == [list(rendering.shown(table.frame)), *rendering.shown(table.frame).values.tolist()]
-        assert rows[2][3] == "21.39"
+        assert rows[2][3:5] == [rendering.shown(table.frame)["of optimum"][1], "21.39"]
         assert rows[4][0] == "mdp (upper bound)"
 
     @pytest.mark.parametrize("ending", ["csv", "json"])
@@ -254,8 +254,8 @@ class TestPage:
         keys = [a.get("data-key") for tag, a in found.tags if tag in ("td", "th") and a.get("scope") != "col"]
         assert keys[:2] == ["belief:0.84", keys[1]]
         assert float(keys[1]) == pytest.approx(inputs.read(report_inputs["rocks.csv"])[0].frame["mean"][0])
-        assert keys[3] is None  # nothing published for belief
-        assert keys[7 + 3] == "21.39"
+        assert keys[4] is None  # nothing published for belief
+        assert keys[8 + 4] == "21.39"
 
     def test_the_winner_stands_with_its_three_figures(self, report_inputs, tmp_path):
         found = write(tmp_path, report_inputs["run"])

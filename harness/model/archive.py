@@ -58,12 +58,16 @@ def write(path: Path, kind: str, record: Mapping[str, Any], arrays: Mapping[str,
         np.savez_compressed(file, record=np.array(json.dumps(stored)), **arrays)  # type: ignore[arg-type]
 
 
-def read(path: Path, kind: str, mend: str = "export it again") -> tuple[dict[str, Any], Arrays]:
-    """Record and arrays of an archive of the given kind; ``mend`` is what error messages tell the user to do.
+def read(path: Path, kind: str | tuple[str, ...], mend: str = "export it again") -> tuple[dict[str, Any], Arrays]:
+    """Record and arrays of an archive of the given kind, or of one of several.
+
+    ``mend`` is what error messages tell the user to do.
 
     Raises:
         SnapshotError: the file is missing, truncated, changed by hand, too large, or not of this kind or format.
     """
+    kinds = (kind,) if isinstance(kind, str) else kind
+    wanted = " or ".join(kinds)
     try:
         arrays = _arrays(path)
         record = json.loads(str(arrays.pop("record")))
@@ -73,11 +77,11 @@ def read(path: Path, kind: str, mend: str = "export it again") -> tuple[dict[str
         raise SnapshotError(f"{path}: no such file") from None
     except _UNREADABLE:
         raise SnapshotError(
-            f"{path}: not a readable {kind} file (truncated, or not made by this harness); {mend}"
+            f"{path}: not a readable {wanted} file (truncated, or not made by this harness); {mend}"
         ) from None
-    if not isinstance(record, dict) or record.get("kind") != kind:
+    if not isinstance(record, dict) or record.get("kind") not in kinds:
         found = record.get("kind") if isinstance(record, dict) else None
-        raise SnapshotError(f"{path}: this is a file of kind {quoted(found)}, a '{kind}' is needed here")
+        raise SnapshotError(f"{path}: this is a file of kind {quoted(found)}, a '{wanted}' is needed here")
     if record.get("format") != FORMAT:
         raise SnapshotError(
             f"{path}: written in format {quoted(record.get('format'))}, this harness reads format {FORMAT}; {mend}"

@@ -20,7 +20,7 @@ from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
 from harness.policy.thresholds import ThresholdsPolicy
 from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
-from harness.solver.solution import GRAPH_KIND, read
+from harness.solver.solution import GRAPH_KIND, OWN, OWN_KINDS, Solution, read
 
 __all__ = ["Policy", "check_from_data", "default_specs", "make", "make_from_data", "named", "names_code", "specs"]
 
@@ -28,8 +28,6 @@ MOST_SIMULATIONS = 1_000_000
 """What ``rollout`` simulates of each action at most: a step then takes minutes, in which no Ctrl-C is heard."""
 
 SOLVED = ("qmdp", "sarsop", "native-sarsop")
-OWN = "solved"
-"""By the harness's own solver."""
 EVOLVED = {"ge": "evolved by the paper's grammar", "ge-feedback": "evolved by a grammar with feedback"}
 """Programs of our own runs, kept with the package where there is one for a domain."""
 
@@ -103,14 +101,18 @@ def _solved(word: str) -> Callable[[Domain, str], Policy]:
     return build
 
 
-def _stored_graph(domain: Domain, _: str) -> Policy:
+def _stored(domain: Domain, _: str) -> Policy:
     path = registry.policy_path(domain.name, OWN)
     if not path.exists():
         raise PolicyError(
             f"no solution is stored for {domain.name}; solve it (harness solve {domain.name}) and name the file: "
-            "graph:FILE"
+            "graph:FILE or alpha:FILE"
         )
-    return PolicyGraph(domain, read(path, domain, GRAPH_KIND))
+    return _played(domain, read(path, domain, *OWN_KINDS))
+
+
+def _played(domain: Domain, solution: Solution) -> Policy:
+    return (PolicyGraph if "edge_node" in solution.arrays else AlphaVectorPolicy)(domain, solution)
 
 
 def _graph(domain: Domain, text: str) -> Policy:
@@ -160,7 +162,7 @@ _KINDS = (
     ),
     *(_Kind(word, what, _evolved(word)) for word, what in EVOLVED.items()),
     *(_Kind(word, f"alpha vectors solved by {word} in Julia", _solved(word)) for word in SOLVED),
-    _Kind(OWN, "what earns the lower bound of harness solve", _stored_graph),
+    _Kind(OWN, "what earns the lower bound of harness solve", _stored),
     _Kind("alpha", "alpha vectors of a file written by harness solve --solver", _from_file, needs_file=True),
     _Kind("graph", "a policy graph of a file written by harness solve", _graph, needs_file=True),
     _Kind("program", "a script in the program language", _program, needs_file=True),

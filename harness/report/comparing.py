@@ -14,6 +14,7 @@ _KEYS = {  # what a column is sorted by
     "policy": "policy",
     "return": "mean",
     "discounted": "discounted_mean",
+    "of optimum": "share_low",
     "published": "",
     "steps": "steps_mean",
     "success": "success_rate",

@@ -16,7 +16,7 @@ from harness.ge.parameters import from_record
 from harness.ge.runs import folders_of
 from harness.play.evaluation import Score
 from harness.report import records
-from harness.score.table import COLUMNS, DIFFERENCES
+from harness.score.table import COLUMNS, DIFFERENCES, SHARES
 from harness.tuning import journal
 from harness.tuning.outcome import Gain
 
@@ -105,7 +105,10 @@ def _comparisons(frame: pd.DataFrame, path: Path) -> list[pd.DataFrame]:
         records.check_texts(frame[name], path, name)
     compared = [name for name in DIFFERENCES[1:] if name in frame]
     frame = records.numeric(
-        frame, path, ["episodes", "seed", *Score._fields[1:], *compared], complete=["domain_version", "horizon"]
+        frame,
+        path,
+        ["episodes", "seed", *Score._fields[1:], *SHARES, *compared],
+        complete=["domain_version", "horizon"],
     )
     records.numeric(
         frame[frame["kind"] == "policy"], path, [], complete=["episodes", "seed", "mean", "discounted_mean"]

@@ -12,7 +12,8 @@ from harness.engine import rng
 from harness.play.evaluation import evaluate
 from harness.reproduction import figures, paper
 from harness.reproduction.folder import Folder
-from harness.score.comparison import BOUND, compare
+from harness.score.bounds import OPTIMUM
+from harness.score.comparison import compare
 from harness.tuning import resume, sweep, tune
 
 TABLE, SWEEPS, ASCENTS, POINTS = "table1.csv", "sweeps.csv", "gradient.csv", "thresholds.csv"
@@ -27,7 +28,7 @@ def table_1(folder: Folder) -> None:
     quick = ["random", "random-legal", "exit", *thresholds, "qmdp", *solved]
     slow = [row.policy for row in paper.table_1() if row.policy.startswith("rollout")]
     tables = [
-        compare(paper.ROCKSAMPLE, [*quick, BOUND], episodes=s.episodes, **common),
+        compare(paper.ROCKSAMPLE, [*quick, OPTIMUM], episodes=s.episodes, **common),
         compare(paper.ROCKSAMPLE, slow, episodes=s.rollout_episodes, **common),
     ]
     folder.write(TABLE, pd.concat([t.drop(columns="reference") for t in tables], ignore_index=True))

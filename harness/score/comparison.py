@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import pandas as pd
 
@@ -16,12 +16,9 @@ from harness.play.evaluation import EPISODES, HORIZON, KEPT, Evaluation, check_p
 from harness.policy import Policy
 from harness.policy.base import whole
 from harness.progress import Bar, Progress
-from harness.score import published
+from harness.score import bounds, published
 from harness.score.paired import Paired, holm, paired
 from harness.score.table import COLUMNS, DIFFERENCES, Table
-from harness.solver import solution
-
-BOUND = "mdp"
 
 
 def compare(
@@ -41,7 +38,7 @@ def compare(
     Args:
         domain: a domain or its name, or several. Scores are of the true reward, whatever a domain's shaping.
         policies: policy strings or policy objects, one or several, or both by the names that the table is to show; by
-            default all that a domain knows, with the bound ``mdp``.
+            default all that a domain knows, with the bound ``optimum``, or ``mdp``.
         against: a policy that every other one is compared with, episode by episode; it is played too where it is not
             among the ``policies``.
         episodes: of every policy; by default 10,000, and 1,000 for policies that plan by simulation (``rollout``).
@@ -136,18 +133,18 @@ def _entries(domain: Domain, policies: Any, against: str | Policy | None, engine
 
 def _named(policies: Any, domain: Domain) -> list[tuple[str, Policy | None]]:
     if policies is None:
-        policies = [*specs.default_specs(domain), *_bounds(domain)]
+        policies = [*specs.default_specs(domain), *bounds.default(domain)]
     if isinstance(policies, Mapping):
         return [(str(name), _made(policy, domain)[1]) for name, policy in policies.items()]
     return [_made(policy, domain) for policy in _several(policies)]
 
 
 def _made(policy: str | Policy, domain: Domain) -> tuple[str, Policy | None]:
-    return (BOUND, None) if policy == BOUND else specs.named(policy, domain)
+    return (policy, None) if _is_bound(policy) else specs.named(policy, domain)
 
 
-def _bounds(domain: Domain) -> list[str]:
-    return [BOUND] if registry.policy_path(domain.name, BOUND).exists() else []
+def _is_bound(policy: str | Policy) -> TypeGuard[str]:
+    return isinstance(policy, str) and policy in bounds.NAMES
 
 
 def _position(against: str | Policy, made: list[tuple[str, Policy | None]], domain: Domain) -> int:
@@ -161,7 +158,7 @@ def _position(against: str | Policy, made: list[tuple[str, Policy | None]], doma
             known.append(against)
     position = known.index(against)
     if made[position][1] is None:
-        raise PolicyError(f"'{BOUND}' is a bound, which plays no episodes; compare against a policy")
+        raise PolicyError(f"'{against}' is a bound, which plays no episodes; compare against a policy")
     return position
 
 
@@ -210,19 +207,17 @@ def _cells(entry: _Entry, result: Evaluation) -> dict[str, Any]:
         "seed": result.seed,
         "horizon": result.horizon,
         **result.score._asdict(),
+        **bounds.share(result.score.discounted_mean, bounds.optimum(entry.domain)),
         "reference": _reference(entry.domain.name, entry.name),
     }
 
 
 def _bound_cells(entry: _Entry, horizon: int) -> dict[str, Any]:
-    domain = entry.domain
-    record = solution.read(registry.policy_path(domain.name, BOUND), domain, solution.BOUND_KIND).record
     return {
         **_origin(entry),
         "kind": "upper bound",
         "horizon": horizon,
-        "mean": record["undiscounted"] if record["horizon"] == horizon else None,
-        "discounted_mean": record["discounted"],
+        **bounds.cells(entry.domain, entry.name, horizon),
     }
 
 

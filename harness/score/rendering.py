@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import re
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -113,16 +115,36 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "policy": table["policy"].where(table["kind"] == "policy", table["policy"] + " (upper bound)"),
-            "return": [_plus_minus(*pair) for pair in zip(table["mean"], table["sem"], strict=True)],
-            "discounted": [
-                _plus_minus(*pair) for pair in zip(table["discounted_mean"], table["discounted_sem"], strict=True)
-            ],
+            "return": _means(table, ""),
+            "discounted": _means(table, "discounted_"),
+            "of optimum": [_share(*pair) for pair in zip(table["share_low"], table["share_high"], strict=True)],
             "published": table["reference"].map(_brief),
             "steps": table["steps_mean"].map(lambda x: _number(x, ".1f")),
             "success": table["success_rate"].map(lambda x: _number(x, ".1%")),
             "episodes": table["episodes"].map(lambda x: _number(x, ",.0f")),
         }
     )
+
+
+def _means(table: pd.DataFrame, prefix: str) -> list[str]:
+    """Means with their errors; bounds are rounded up, so that they stay bounds."""
+    cells = zip(table["kind"], table[f"{prefix}mean"], table[f"{prefix}sem"], strict=True)
+    return [_plus_minus(mean if kind == "policy" else rounded_up(mean), sem) for kind, mean, sem in cells]
+
+
+def rounded_up(value: float | None, digits: int = 2) -> float | None:
+    """The next number of so many digits that is not below."""
+    return value if value is None or pd.isna(value) else _rounded(value, digits, math.ceil)
+
+
+def _rounded(value: float, digits: int, way: Callable[[float], int]) -> float:
+    scaled = value * 10**digits
+    return way(scaled) / 10**digits if math.isfinite(scaled) else value  # a table's file may hold any number
+
+
+def _share(low: float | None, high: float | None) -> str:
+    ends = [_number(low, ".1%"), _number(high, ".1%")]
+    return ends[0] if ends[0] == ends[1] else "–".join(ends)
 
 
 def differences(table: pd.DataFrame) -> pd.DataFrame:
@@ -181,6 +203,7 @@ def footnote(table: pd.DataFrame) -> str:
     ]
     if table["reference"].map(_brief).any():
         lines[0] += " published: discounted (Silver and Veness 2010)."
+    lines += _about_optimum(table)
     if len(differences(table)):
         lines.append(_DIFFERENCES)
     others = published.not_run_here(table["domain"].iloc[0], table["policy"].tolist())
@@ -188,6 +211,22 @@ def footnote(table: pd.DataFrame) -> str:
         figures = ", ".join(f"{p.method} {_plus_minus(p.value, p.error)}" for p in others)
         lines.append(f"Published, not run here (discounted): {figures}.")
     return "\n".join(lines)
+
+
+def _about_optimum(table: pd.DataFrame) -> list[str]:
+    known = table[["optimum_low", "optimum_high"]].astype(float).dropna()
+    if known.empty:
+        return []
+    low, high = outward(*known.iloc[0])
+    return [
+        f"of optimum: discounted over the optimal value, which is proven to lie between {low} and {high}; a mean's own "
+        "error\ncan take it above 100 %."
+    ]
+
+
+def outward(low: float, high: float) -> tuple[str, str]:
+    """Two bounds as text of four decimals, rounded so that they stay bounds."""
+    return f"{_rounded(low, 4, math.floor):.4f}", f"{_rounded(high, 4, math.ceil):.4f}"
 
 
 def _plus_minus(mean: float | None, error: float | None) -> str:

@@ -14,6 +14,8 @@ COLUMNS = (
     "sem",
     "discounted_mean",
     "discounted_sem",
+    "share_low",
+    "share_high",
     "steps_mean",
     "success_rate",
     "ci_low",
@@ -24,11 +26,17 @@ COLUMNS = (
     "horizon",
     "domain_version",
     "kind",
+    "optimum_low",
+    "optimum_high",
     "episodes",
     "domain",
 )
-"""Columns of every table; ``kind`` is ``policy`` or ``upper bound``, ``reference`` the published figure or None. The
+"""Columns of every table; ``kind`` is ``policy`` or ``upper bound``, ``reference`` the published figure or None; the
+share of the optimum that the discounted mean earns is an interval, as the optimum is known by its bounds. The
 first and the last few are what pandas shows where there is little room."""
+
+SHARES = ("share_low", "share_high", "optimum_low", "optimum_high")
+"""Those that are empty where no bounds of the optimum are known."""
 
 DIFFERENCES = (
     "against",

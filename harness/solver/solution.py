@@ -18,6 +18,9 @@ from harness.model.validation import LARGEST_REWARD, LARGEST_WHOLE, faulty, is_n
 KIND = "alpha-vectors"
 BOUND_KIND = "bound"
 GRAPH_KIND = "policy-graph"
+OWN = "solved"
+"""What the harness's own solver stores is called by."""
+OWN_KINDS = (GRAPH_KIND, KIND)
 _BOUND_NUMBERS = ("discounted", "undiscounted", "horizon")
 _MEND = "solve it again (harness solve)"
 
@@ -47,13 +50,14 @@ def _kind(solution: Solution) -> str:
     return GRAPH_KIND if "edge_node" in solution.arrays else KIND
 
 
-def read(path: Path, domain: Domain, kind: str = KIND) -> Solution:
-    """Read a stored solution.
+def read(path: Path, domain: Domain, *kinds: str) -> Solution:
+    """Read a stored solution of one of the ``kinds``, by default alpha vectors.
 
     Raises:
         SnapshotError: the file is damaged, was solved for another model, or its vectors do not fit the model.
     """
-    record, arrays = archive.read(path, kind, _MEND)
+    record, arrays = archive.read(path, kinds or KIND, _MEND)
+    kind = record["kind"]
     _refuse(path, _record_breaches(record, kind))
     if record["model_hash"] != domain.model_hash:
         raise SnapshotError(
