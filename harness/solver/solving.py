@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from harness import cards, host, registry
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 from harness.model.domain import Domain
 from harness.solver import anytime
 from harness.solver.graph import policy_arrays
@@ -116,8 +116,8 @@ def solve(
     """
     domain = (registry.load(domain) if isinstance(domain, str) else domain).shaped("none")
     for name, value in (("gap", gap), ("seconds", seconds), ("memory", memory)):
-        if value is not None and not 0 < value < float("inf"):
-            raise HarnessError(f"{name} must be a number above 0, not {value}")
+        if value is not None and not (isinstance(value, (int, float)) and 0 < value < float("inf")):
+            raise HarnessError(f"{name} must be a number above 0, not {quoted(value)}")
     _check_solvable(domain, memory)
     begun, rows, stopped = time.monotonic(), [], ""
     course: _Course | None = None
