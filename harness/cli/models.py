@@ -41,6 +41,9 @@ def register(commands: Any) -> None:
         metavar="N",
         help="in Julia: keep the vectors that N simulated episodes act by",
     )
+    solve.add_argument(
+        "--resume", type=Path, metavar="FILE", help=f"keep the state of {OWN} in FILE, and go on from it if it is there"
+    )
     solve.add_argument("--out", type=Path, metavar="FILE", help="default: DOMAIN.SOLVER.npz here")
     solve.set_defaults(run=_solve)
 
@@ -94,7 +97,7 @@ def _solve_here(options: argparse.Namespace) -> None:
             bar.set_postfix_str(f"lower {lower:.4f} upper {upper:.4f}")
 
         given = {name: value for name, value in limits.items() if value is not None}
-        solved = solving.solve(options.domain, seconds=options.time, watch=watch, **given)
+        solved = solving.solve(options.domain, seconds=options.time, resume=options.resume, watch=watch, **given)
     path = options.out or Path(f"{solved.domain.name}.{OWN}.npz")
     solutions.save(path, solved.domain, solved.solution)
     seconds = solved.history["seconds"].iloc[-1]
@@ -114,6 +117,8 @@ def _solve_in_julia(options: argparse.Namespace) -> None:
     domain = registry.load(options.domain)
     if options.memory is not None:
         raise HarnessError(f"--memory is of the solver {OWN}; the solvers in Julia have none")
+    if options.resume is not None:
+        raise HarnessError(f"--resume is of the solver {OWN}; the solvers in Julia cannot go on from a file")
     given = {"timeout": options.time, "precision": options.gap}
     limits = {name: value for name, value in given.items() if value is not None}
     solution = julia.solve(domain, options.solver, limits)

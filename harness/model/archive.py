@@ -50,18 +50,23 @@ def digest(arrays: Mapping[str, NDArray[Any]], record: Any) -> str:
     return total.hexdigest()
 
 
-def write(path: Path, kind: str, record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write an archive atomically."""
+def write(
+    path: Path, kind: str, record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], *, compressed: bool = True
+) -> None:
+    """Write an archive atomically; what is large and soon replaced is better not ``compressed``."""
     stored = {"kind": kind, "format": FORMAT, **record}
     stored["content_hash"] = digest(arrays, stored)
     with files.replacing(path) as file:
-        np.savez_compressed(file, record=np.array(json.dumps(stored)), **arrays)  # type: ignore[arg-type]
+        pack = np.savez_compressed if compressed else np.savez
+        pack(file, record=np.array(json.dumps(stored)), **arrays)  # type: ignore[arg-type]
 
 
-def read(path: Path, kind: str | tuple[str, ...], mend: str = "export it again") -> tuple[dict[str, Any], Arrays]:
+def read(
+    path: Path, kind: str | tuple[str, ...], mend: str = "export it again", *, largest: int = LARGEST
+) -> tuple[dict[str, Any], Arrays]:
     """Record and arrays of an archive of the given kind, or of one of several.
 
-    ``mend`` is what error messages tell the user to do.
+    ``mend`` is what error messages tell the user to do, ``largest`` how many bytes the arrays may take.
 
     Raises:
         SnapshotError: the file is missing, truncated, changed by hand, too large, or not of this kind or format.
@@ -69,7 +74,7 @@ def read(path: Path, kind: str | tuple[str, ...], mend: str = "export it again")
     kinds = (kind,) if isinstance(kind, str) else kind
     wanted = " or ".join(kinds)
     try:
-        arrays = _arrays(path)
+        arrays = _arrays(path, largest)
         record = json.loads(str(arrays.pop("record")))
     except SnapshotError:
         raise
@@ -92,14 +97,14 @@ def read(path: Path, kind: str | tuple[str, ...], mend: str = "export it again")
     return record, arrays
 
 
-def _arrays(path: Path) -> Arrays:
+def _arrays(path: Path, largest: int) -> Arrays:
     with zipfile.ZipFile(path) as stored:
         members = stored.infolist()
         size = sum(member.file_size for member in members)
-        if size > LARGEST or len(members) > _MOST_ARRAYS:
+        if size > largest or len(members) > _MOST_ARRAYS:
             raise SnapshotError(
                 f"{path}: {len(members)} arrays of {size:,} bytes are too much; a file holds {_MOST_ARRAYS} of "
-                f"{LARGEST:,} bytes at most"
+                f"{largest:,} bytes at most"
             )
         if any(member.compress_type not in _PACKINGS for member in members):  # others unpack without a limit
             raise zipfile.BadZipFile

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import threading
 from collections.abc import Iterator, Mapping
 
 from tqdm import tqdm
 
-from harness import bridge
+from harness import bridge, host
 from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.solver.solution import Solution
@@ -50,17 +49,9 @@ def solve(domain: Domain, solver: str, limits: Mapping[str, float]) -> Solution:
 @contextlib.contextmanager
 def _ctrl_c_sets(event: threading.Event | None) -> Iterator[None]:
     """Within, the first Ctrl-C sets the event instead of interrupting; None leaves Ctrl-C alone."""
-    if event is None or threading.current_thread() is not threading.main_thread():
+    if event is None:
         yield
         return
     bridge.julia()  # starting Julia sets handlers of its own: first that, then ours
-
-    def stop(*_: object) -> None:
-        event.set()
-        signal.signal(signal.SIGINT, before)  # the second one interrupts
-
-    before = signal.signal(signal.SIGINT, stop)
-    try:
+    with host.ctrl_c_sets(event):
         yield
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import resource
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -14,7 +17,7 @@ from numpy.typing import NDArray
 from harness import cards, host, registry
 from harness.errors import HarnessError, quoted
 from harness.model.domain import Domain
-from harness.solver import anytime
+from harness.solver import anytime, checkpoint
 from harness.solver.graph import policy_arrays
 from harness.solver.points import course as points
 from harness.solver.search import N_NODES, TRIALS
@@ -31,6 +34,9 @@ SOLVER = "product grid and trials (harness)"
 POINTS_SOLVER = "alpha vectors and sawtooth, by trials (harness)"
 
 _LARGEST_FACTOR = 12
+_SAVING = 30.0
+_SHARE = 20
+"""Between two writings of the state: so many seconds, and so many times what one takes, at least"""
 
 _Course = anytime.Course | points.Course
 
@@ -94,6 +100,7 @@ def solve(
     gap: float = GAP,
     seconds: float | None = None,
     memory: float = MEMORY,
+    resume: Path | str | None = None,
     watch: Watch = lambda seconds, lower, upper: None,
 ) -> Solved:
     """Find bounds of the value at the start (discounted, infinite horizon), and a policy that earns the lower one.
@@ -103,13 +110,15 @@ def solve(
         gap: end when the bounds are this close, in units of reward.
         seconds: end after about so long; by default only the gap and the memory end it.
         memory: GB that the solver's arrays may take.
+        resume: a file that keeps the state of the work: if it is there, the work goes on from it, as if it had never
+            ended; it is written every half minute, and at the end.
         watch: called with seconds, lower and upper bound as the work goes on.
 
-    Ctrl-C ends it early: what has been found by then is the result.
+    Ctrl-C ends it early, at the end of the present second's work: what has been found by then is the result.
 
     Raises:
-        HarnessError: an argument is out of range, the discount is not below 1, or the memory is too little for the
-            domain.
+        HarnessError: an argument is out of range, the discount is not below 1, the memory is too little for the
+            domain, or the file to resume from is damaged or of another model.
 
     A domain with hidden factors of at most 12 values and one way to begin is solved on the product grid, any other
     point by point (:mod:`harness.solver.points`), over the joint value of all factors.
@@ -119,25 +128,39 @@ def solve(
         if value is not None and not (isinstance(value, (int, float)) and 0 < value < float("inf")):
             raise HarnessError(f"{name} must be a number above 0, not {quoted(value)}")
     _check_solvable(domain, memory)
-    begun, rows, stopped = time.monotonic(), [], ""
-    course: _Course | None = None
-    try:
-        course = points.begin(domain) if _by_points(domain) else anytime.begin(domain)
+    course, rows = _begin(domain, path := None if resume is None else Path(resume))
+    begun = time.monotonic() - (rows[-1]["seconds"] if rows else 0.0)
+    end, save_at = time.monotonic() + (seconds or math.inf), time.monotonic() + _SAVING
+    interrupted = threading.Event()
+    with host.ctrl_c_sets(interrupted):
         for latest in _blocks(course, gap, int(memory * 1e9)):
             course = latest
             rows.append(_row(course, time.monotonic() - begun))
             watch(rows[-1]["seconds"], course.lower, course.upper)
-            if seconds is not None and rows[-1]["seconds"] >= seconds:
-                stopped = f"after the {seconds:g} seconds asked for"
+            if path and (now := time.monotonic()) > save_at:
+                checkpoint.save(path, course, rows)
+                save_at = time.monotonic() + max(_SAVING, _SHARE * (time.monotonic() - now))
+            if interrupted.is_set() or time.monotonic() >= end:
                 break
-    except KeyboardInterrupt:
-        if course is None:
-            raise
-        stopped = "by Ctrl-C"
-    if not stopped:
-        stopped = "at the gap asked for" if course.upper - course.lower <= gap else "where memory or rounding ends it"
+    stopped = _reason(course, gap, seconds if time.monotonic() >= end else None, interrupted.is_set())
     rows.append(_row(course, time.monotonic() - begun))
+    if path:
+        checkpoint.save(path, course, rows)
     return Solved(domain, course.lower, course.upper, pd.DataFrame(rows), _solution(course, rows[-1], stopped), stopped)
+
+
+def _begin(domain: Domain, path: Path | None) -> tuple[_Course, list[dict[str, Any]]]:
+    """A course, from the file where there is one, and the rows of its history."""
+    fresh: _Course = points.begin(domain) if _by_points(domain) else anytime.begin(domain)
+    return checkpoint.restore(path, fresh) if path and path.exists() else (fresh, [])
+
+
+def _reason(course: _Course, gap: float, seconds: float | None, interrupted: bool) -> str:
+    if course.upper - course.lower <= gap:
+        return "at the gap asked for"
+    if interrupted:
+        return "by Ctrl-C"
+    return "where memory or rounding ends it" if seconds is None else f"after the {seconds:g} seconds asked for"
 
 
 def _by_points(domain: Domain) -> bool:
