@@ -57,8 +57,15 @@ def folder() -> Path | None:
 
 def _bases() -> Iterator[Path]:
     yield Path(_config.CACHE_DIR or PACKAGE / "__pycache__")
-    with contextlib.suppress(RuntimeError):  # nobody's home is known
-        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pomdp-harness"
+    if (own := user_folder()) is not None:
+        yield own
+
+
+def user_folder() -> Path | None:
+    """The user's own cache for this package, which need not exist; None where nobody's home is known."""
+    with contextlib.suppress(RuntimeError):
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pomdp-harness"
+    return None
 
 
 def _forget_old(base: Path, new: Path) -> None:

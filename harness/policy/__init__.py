@@ -9,7 +9,7 @@ from pathlib import Path
 from harness import files, registry
 from harness.errors import PolicyError, nearest, quoted
 from harness.model.domain import Domain
-from harness.policy import own
+from harness.policy import own, solved
 from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
 from harness.policy.graph import PolicyGraph
@@ -20,7 +20,7 @@ from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
 from harness.policy.thresholds import ThresholdsPolicy
 from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
-from harness.solver.solution import GRAPH_KIND, OWN, OWN_KINDS, Solution, read
+from harness.solver.solution import GRAPH_KIND, OWN, read
 
 __all__ = ["Policy", "check_from_data", "default_specs", "make", "make_from_data", "named", "names_code", "specs"]
 
@@ -101,20 +101,6 @@ def _solved(word: str) -> Callable[[Domain, str], Policy]:
     return build
 
 
-def _stored(domain: Domain, _: str) -> Policy:
-    path = registry.policy_path(domain.name, OWN)
-    if not path.exists():
-        raise PolicyError(
-            f"no solution is stored for {domain.name}; solve it (harness solve {domain.name}) and name the file: "
-            "graph:FILE or alpha:FILE"
-        )
-    return _played(domain, read(path, domain, *OWN_KINDS))
-
-
-def _played(domain: Domain, solution: Solution) -> Policy:
-    return (PolicyGraph if "edge_node" in solution.arrays else AlphaVectorPolicy)(domain, solution)
-
-
 def _graph(domain: Domain, text: str) -> Policy:
     if not text:
         raise PolicyError("graph needs a file: graph:FILE, as written by `harness solve`")
@@ -162,7 +148,9 @@ _KINDS = (
     ),
     *(_Kind(word, what, _evolved(word)) for word, what in EVOLVED.items()),
     *(_Kind(word, f"alpha vectors solved by {word} in Julia", _solved(word)) for word in SOLVED),
-    _Kind(OWN, "what earns the lower bound of harness solve", _stored),
+    _Kind(
+        OWN, "what earns the lower bound of harness solve (solved:10s solves on the way)", solved.make, optional=True
+    ),
     _Kind("alpha", "alpha vectors of a file written by harness solve --solver", _from_file, needs_file=True),
     _Kind("graph", "a policy graph of a file written by harness solve", _graph, needs_file=True),
     _Kind("program", "a script in the program language", _program, needs_file=True),

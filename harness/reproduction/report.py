@@ -13,7 +13,8 @@ from harness.reproduction.folder import Folder
 from harness.reproduction.sizes import FULL
 from harness.reproduction.wording import parts, plus_minus, prose, table, verdict
 from harness.score import rendering
-from harness.score.bounds import OPTIMUM, Optimum, optimum
+from harness.score.bounds import OPTIMUM, optimum
+from harness.solver.solution import Bounds
 from harness.tuning.ascent import ForwardDifference
 from harness.tuning.method import settings_of
 
@@ -84,7 +85,7 @@ def _table_1(scores: dict[Any, dict[Any, Any]]) -> str:
     )
 
 
-def _optimum(sarsop: dict[Any, Any], known: Optimum) -> str:
+def _optimum(sarsop: dict[Any, Any], known: Bounds) -> str:
     published = next(row.value for row in paper.table_1() if row.policy == "sarsop")
     low, high = rendering.outward(known.low, known.high)
     return prose(f"""What there is to earn: the harness's own solver has proven that the optimal value lies between

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from harness import registry
 from harness.model.domain import Domain
+from harness.policy import Policy
 from harness.solver import solution
+from harness.solver.solution import Bounds
 
 OPTIMUM = "optimum"
 """The row of the optimal value's upper bound, proven by ``harness solve``; its undiscounted return is that of MDP."""
@@ -15,24 +17,16 @@ MDP = "mdp"
 NAMES = (OPTIMUM, MDP)
 
 
-class Optimum(NamedTuple):
-    """Bounds of the optimal value at the start: discounted, without a horizon."""
-
-    low: float
-    high: float
-
-
-def optimum(domain: Domain) -> Optimum | None:
-    """The bounds that ``harness solve`` has proven; None where none are stored.
+def optimum(domain: Domain, policy: Policy | None = None) -> Bounds | None:
+    """The bounds that ``harness solve`` has proven: those stored with the package, else those a policy came with.
 
     Raises:
-        SnapshotError: the file is damaged or belongs to another model.
+        SnapshotError: the stored file is damaged or belongs to another model.
     """
     path = registry.policy_path(domain.name, solution.OWN)
-    if not path.exists():
-        return None
-    record = solution.read(path, domain, *solution.OWN_KINDS).record
-    return Optimum(float(record["lower"]), float(record["upper"]))
+    if path.exists():
+        return solution.bounds(solution.read(path, domain, *solution.OWN_KINDS).record)
+    return solution.bounds(getattr(policy, "record", {}))
 
 
 def default(domain: Domain) -> list[str]:
@@ -62,7 +56,7 @@ def _everything_observed(domain: Domain, horizon: int, *, needed: bool) -> dict[
     return {"mean": mean, "discounted_mean": record["discounted"]}
 
 
-def share(mean: float, known: Optimum | None) -> dict[str, float | None]:
+def share(mean: float, known: Bounds | None) -> dict[str, float | None]:
     """The columns that say how much of the optimum a policy's mean discounted return earns, as an interval."""
     if known is None:
         return {}

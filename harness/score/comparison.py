@@ -207,7 +207,7 @@ def _cells(entry: _Entry, result: Evaluation) -> dict[str, Any]:
         "seed": result.seed,
         "horizon": result.horizon,
         **result.score._asdict(),
-        **bounds.share(result.score.discounted_mean, bounds.optimum(entry.domain)),
+        **bounds.share(result.score.discounted_mean, bounds.optimum(entry.domain, entry.policy)),
         "reference": _reference(entry.domain.name, entry.name),
     }
 
