@@ -71,8 +71,7 @@ def test_a_record_holds_the_figure(entry):
 
 
 def _record(domain, policy):
-    kind = solution.GRAPH_KIND if policy == "solved" else solution.KIND
-    return solution.read(registry.policy_path(domain, policy), harness.load(domain), kind).record
+    return solution.read(registry.policy_path(domain, policy), harness.load(domain), *solution.OWN_KINDS).record
 
 
 def test_the_derived_figures_follow(tables):
