@@ -193,3 +193,13 @@ def test_the_command_draws_and_compares_several_domains(tmp_path, capsys):
     assert "Over all domains" in out
     svg = (tmp_path / "a.svg").read_text()
     assert svg.rstrip().endswith("</svg>")
+
+
+@pytest.mark.parametrize(
+    "table",
+    [pd.DataFrame(), pd.DataFrame({"policy": ["x"], "mean": [1.0]}), lambda: sweep().iloc[:0]],
+    ids=["empty", "foreign", "no rows"],
+)
+def test_a_sweep_of_nothing_is_refused(table):
+    with pytest.raises(harness.HarnessError, match=r"no table of harness\.sweep"):
+        harness.sweep_figure(table() if callable(table) else table)

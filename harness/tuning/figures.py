@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from harness.errors import HarnessError
 from harness.play.evaluation import Z95
 from harness.show.drawing import LINE, SECOND, blank, legend, plain
 
@@ -20,7 +21,12 @@ def sweep_figure(table: pd.DataFrame, title: str = "") -> Figure:
 
     ``table`` is what :func:`harness.sweep` returns. Above, the whole range; below, what lies near the top, where the
     band can be seen. The highest point is named.
+
+    Raises:
+        HarnessError: it is another table, or has no rows.
     """
+    if table.empty or not {"mean", "sem"} <= set(table.columns[2:]):
+        raise HarnessError("this is no table of harness.sweep with a row at least")
     figure = blank(6.3, 5.4)
     whole, top = figure.subplots(2, 1, sharex=True)
     for axes in (whole, top):
