@@ -45,6 +45,7 @@ bench: $(VENV)/.installed-dev
 	$(BIN)/pip install -q -e '.[bench]'
 	$(BIN)/python benchmarks/steps.py
 	$(BIN)/python -m benchmarks.evolution
+	$(BIN)/python -m benchmarks.solver
 
 fuzz: $(VENV)/.installed-dev # hostile inputs: files, texts, command lines
 	$(BIN)/python -m tests.fuzz --count 100000

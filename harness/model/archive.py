@@ -62,11 +62,12 @@ def write(
 
 
 def read(
-    path: Path, kind: str | tuple[str, ...], mend: str = "export it again", *, largest: int = LARGEST
+    path: Path, kind: str | tuple[str, ...], mend: str = "export it again", *, largest: int | None = None
 ) -> tuple[dict[str, Any], Arrays]:
     """Record and arrays of an archive of the given kind, or of one of several.
 
-    ``mend`` is what error messages tell the user to do, ``largest`` how many bytes the arrays may take.
+    ``mend`` is what error messages tell the user to do, ``largest`` how many bytes the arrays may take, by
+    default :data:`LARGEST`.
 
     Raises:
         SnapshotError: the file is missing, truncated, changed by hand, too large, or not of this kind or format.
@@ -74,7 +75,7 @@ def read(
     kinds = (kind,) if isinstance(kind, str) else kind
     wanted = " or ".join(kinds)
     try:
-        arrays = _arrays(path, largest)
+        arrays = _arrays(path, LARGEST if largest is None else largest)
         record = json.loads(str(arrays.pop("record")))
     except SnapshotError:
         raise
