@@ -67,31 +67,3 @@ def test_what_is_rounded_up_is_not_below_and_less_than_a_step_above():
 def test_a_bound_that_is_not_stored_is_refused_in_one_sentence():
     with pytest.raises(harness.HarnessError, match="no such file"):
         harness.compare(models.tiger(), ["random", "optimum"], episodes=5, engine="tables")
-
-
-class TestSolvedOnTheWay:
-    @pytest.fixture(autouse=True)
-    def own_cache(self, tmp_path, monkeypatch):
-        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-
-    def test_it_is_solved_once_and_the_row_has_its_bounds(self, tmp_path, monkeypatch):
-        table = harness.compare(models.tiger(), ["solved:1s", "random"], episodes=size(2_000, 20_000), horizon=300)
-        row, other = table.iloc[0], table.iloc[1]
-        assert row["optimum_low"] <= 19.3721
-        assert row["optimum_high"] >= 19.3711  # APPL's log
-        assert row["discounted_mean"] > row["optimum_low"] - 4 * row["discounted_sem"]
-        assert other[["optimum_low", "share_low"]].isna().all()
-        (kept,) = (tmp_path / "pomdp-harness" / "solved").iterdir()
-        monkeypatch.setattr(harness.solver.solving, "solve", None)
-        again = harness.compare(models.tiger(), "solved:1s", episodes=10, horizon=300)
-        assert again["optimum_low"][0] == row["optimum_low"]
-        monkeypatch.undo()
-        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-        kept.write_bytes(b"spoilt")
-        harness.compare(models.tiger(), "solved:1s", episodes=10, horizon=300)
-        assert len(kept.read_bytes()) > 100
-
-    @pytest.mark.parametrize("text", ["10", "0s", "x", "99999s", "-1s", "1.5s", ":"])
-    def test_a_time_that_is_none_is_refused(self, text):
-        with pytest.raises(harness.HarnessError, match="takes a time as 10s"):
-            harness.compare("rocksample-7x8", f"solved:{text}", episodes=5)

@@ -12,6 +12,7 @@ from harness.errors import HarnessError, SnapshotError
 from harness.policy.graph import PolicyGraph
 from harness.solver import solution as solutions
 from tests import models
+from tests.conftest import size
 
 
 def earned(solved, episodes=20_000, horizon=200):
@@ -143,3 +144,31 @@ def test_a_graph_that_points_outside_is_refused(tmp_path, name, change):
 def test_what_cannot_be_solved_is_one_sentence(domain, given_, message):
     with pytest.raises(HarnessError, match=message):
         harness.solve(domain, **given_)
+
+
+class TestSolvedOnTheWay:
+    @pytest.fixture(autouse=True)
+    def own_cache(self, tmp_path, monkeypatch):
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+    def test_it_is_solved_once_and_the_row_has_its_bounds(self, tmp_path, monkeypatch):
+        table = harness.compare(models.tiger(), ["solved:1s", "random"], episodes=size(2_000, 20_000), horizon=300)
+        row, other = table.iloc[0], table.iloc[1]
+        assert row["optimum_low"] <= 19.3721
+        assert row["optimum_high"] >= 19.3711  # APPL's log
+        assert row["discounted_mean"] > row["optimum_low"] - 4 * row["discounted_sem"]
+        assert other[["optimum_low", "share_low"]].isna().all()
+        (kept,) = (tmp_path / "pomdp-harness" / "solved").iterdir()
+        monkeypatch.setattr("harness.solver.solving.solve", None)
+        again = harness.compare(models.tiger(), "solved:1s", episodes=10, horizon=300)
+        assert again["optimum_low"][0] == row["optimum_low"]
+        monkeypatch.undo()
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        kept.write_bytes(b"spoilt")
+        harness.compare(models.tiger(), "solved:1s", episodes=10, horizon=300)
+        assert len(kept.read_bytes()) > 100
+
+    @pytest.mark.parametrize("text", ["10", "0s", "x", "99999s", "-1s", "1.5s", ":"])
+    def test_a_time_that_is_none_is_refused(self, text):
+        with pytest.raises(harness.HarnessError, match="takes a time as 10s"):
+            harness.compare("rocksample-7x8", f"solved:{text}", episodes=5)
