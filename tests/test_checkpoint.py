@@ -77,12 +77,11 @@ def damaged(path, tmp_path, change):
 )
 def test_a_file_that_does_not_fit_is_refused(tmp_path, change, message):
     domain, path = models.tiger(), tmp_path / "state"
-    solve = lambda file: harness.solve(domain, gap=1.0, resume=file)  # noqa: E731
-    solve(path)
+    harness.solve(domain, gap=1.0, resume=path)
     other = damaged(path, tmp_path, change)
     before = other.read_bytes()
     with pytest.raises(harness.HarnessError, match=message) as refused:
-        solve(other)
+        harness.solve(domain, gap=1.0, resume=other)
     assert str(other) in str(refused.value)
     assert other.read_bytes() == before
 

@@ -102,7 +102,7 @@ def _solve_here(options: argparse.Namespace) -> None:
     solutions.save(path, solved.domain, solved.solution)
     seconds = solved.history["seconds"].iloc[-1]
     print(f"{path}: lower {solved.lower:.6g}, upper {solved.upper:.6g}, {seconds:.1f} seconds; ended {solved.stopped}")
-    word = "alpha" if "values" in solved.solution.arrays else "graph"
+    word = "graph" if solved.solution.kind == solutions.GRAPH_KIND else "alpha"
     print(f"score it: harness compare {options.domain} --policy {word}:{path}")
 
 

@@ -13,7 +13,7 @@ from harness.model.domain import Domain
 from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
 from harness.policy.graph import PolicyGraph
-from harness.solver.solution import OWN, OWN_KINDS, Solution, read, save
+from harness.solver.solution import GRAPH_KIND, OWN, OWN_KINDS, Solution, read, save
 
 _SECONDS = re.compile(r"([1-9][0-9]{0,3})s")
 """Three hours at most"""
@@ -28,7 +28,7 @@ def make(domain: Domain, text: str) -> Policy:
         HarnessError: the domain cannot be solved.
     """
     solution = _on_the_way(domain, text) if text else _stored(domain)
-    return (PolicyGraph if "edge_node" in solution.arrays else AlphaVectorPolicy)(domain, solution)
+    return (PolicyGraph if solution.kind == GRAPH_KIND else AlphaVectorPolicy)(domain, solution)
 
 
 def _stored(domain: Domain) -> Solution:

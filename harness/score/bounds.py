@@ -17,15 +17,17 @@ MDP = "mdp"
 NAMES = (OPTIMUM, MDP)
 
 
-def optimum(domain: Domain, policy: Policy | None = None) -> Bounds | None:
-    """The bounds that ``harness solve`` has proven: those stored with the package, else those a policy came with.
+def optimum(domain: Domain) -> Bounds | None:
+    """The bounds that ``harness solve`` has proven; None where none are stored.
 
     Raises:
-        SnapshotError: the stored file is damaged or belongs to another model.
+        SnapshotError: the file is damaged or belongs to another model.
     """
-    path = registry.policy_path(domain.name, solution.OWN)
-    if path.exists():
-        return solution.bounds(solution.read(path, domain, *solution.OWN_KINDS).record)
+    return _proven(domain) if registry.policy_path(domain.name, solution.OWN).exists() else None
+
+
+def of_policy(policy: Policy | None) -> Bounds | None:
+    """The bounds that a policy came with, from where our solver found it; else None."""
     return solution.bounds(getattr(policy, "record", {}))
 
 
@@ -41,17 +43,20 @@ def cells(domain: Domain, name: str, horizon: int) -> dict[str, Any]:
     Raises:
         SnapshotError: nothing is stored for the domain, the file is damaged or belongs to another model.
     """
-    known, found = _everything_observed(domain, horizon, needed=name == MDP), None
-    if name == OPTIMUM and (found := optimum(domain)) is None:
-        solution.read(registry.policy_path(domain.name, solution.OWN), domain)  # says that there is no such file
-    return known if found is None else known | {"discounted_mean": found.high}
+    if name == MDP:
+        return _everything_observed(domain, horizon)
+    known, proven = registry.policy_path(domain.name, MDP).exists(), _proven(domain)
+    mean = _everything_observed(domain, horizon)["mean"] if known else None
+    return {"mean": mean, "discounted_mean": None if proven is None else proven.high}
 
 
-def _everything_observed(domain: Domain, horizon: int, *, needed: bool) -> dict[str, Any]:
-    path = registry.policy_path(domain.name, MDP)
-    if not needed and not path.exists():
-        return {"mean": None}
-    record = solution.read(path, domain, solution.BOUND_KIND).record
+def _proven(domain: Domain) -> Bounds | None:
+    path = registry.policy_path(domain.name, solution.OWN)
+    return solution.bounds(solution.read(path, domain, *solution.OWN_KINDS).record)
+
+
+def _everything_observed(domain: Domain, horizon: int) -> dict[str, Any]:
+    record = solution.read(registry.policy_path(domain.name, MDP), domain, solution.BOUND_KIND).record
     mean = record["undiscounted"] if record["horizon"] == horizon else None
     return {"mean": mean, "discounted_mean": record["discounted"]}
 

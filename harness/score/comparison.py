@@ -19,6 +19,7 @@ from harness.progress import Bar, Progress
 from harness.score import bounds, published
 from harness.score.paired import Paired, holm, paired
 from harness.score.table import COLUMNS, DIFFERENCES, Table
+from harness.solver.solution import Bounds
 
 
 def compare(
@@ -97,6 +98,8 @@ class _Entry(NamedTuple):
     """None for the bound."""
     reference: bool
     """Whether the others are compared with it."""
+    optimum: Bounds | None
+    """Of its domain; where none are stored, those that its policy came with."""
 
 
 class _Row(NamedTuple):
@@ -128,7 +131,11 @@ def _entries(domain: Domain, policies: Any, against: str | Policy | None, engine
     if not made:
         raise HarnessError("there are no policies to compare")
     reference = None if against is None else _position(against, made, domain)
-    return [_Entry(domain, engine, name, policy, k == reference) for k, (name, policy) in enumerate(made)]
+    known = bounds.optimum(domain)
+    return [
+        _Entry(domain, engine, name, policy, k == reference, known or bounds.of_policy(policy))
+        for k, (name, policy) in enumerate(made)
+    ]
 
 
 def _named(policies: Any, domain: Domain) -> list[tuple[str, Policy | None]]:
@@ -207,7 +214,7 @@ def _cells(entry: _Entry, result: Evaluation) -> dict[str, Any]:
         "seed": result.seed,
         "horizon": result.horizon,
         **result.score._asdict(),
-        **bounds.share(result.score.discounted_mean, bounds.optimum(entry.domain, entry.policy)),
+        **bounds.share(result.score.discounted_mean, entry.optimum),
         "reference": _reference(entry.domain.name, entry.name),
     }
 

@@ -26,10 +26,10 @@ _DERIVED = {
 """What follows from the domain alone."""
 
 Rows = Sequence[Mapping[str, float]]
-_Course = anytime.Course | points.Course
+Course = anytime.Course | points.Course
 
 
-def save(path: Path, course: _Course, history: Rows) -> None:
+def save(path: Path, course: Course, history: Rows) -> None:
     """Store a course between two blocks of its work, with the rows of its history.
 
     Raises:
@@ -42,7 +42,7 @@ def save(path: Path, course: _Course, history: Rows) -> None:
     archive.write(path, KIND, record, arrays, compressed=False)
 
 
-def restore(path: Path, fresh: _Course) -> tuple[_Course, list[dict[str, float]]]:
+def restore(path: Path, fresh: Course) -> tuple[Course, list[dict[str, float]]]:
     """The course and the history that a file holds; ``fresh``: one that has just begun, of the same domain.
 
     Raises:
@@ -57,28 +57,28 @@ def restore(path: Path, fresh: _Course) -> tuple[_Course, list[dict[str, float]]
     changed: dict[str, Any] = {}
     for name in _names(fresh):
         value = getattr(fresh, name)
-        if isinstance(value, tuple):
-            changed[name] = type(value)(*(arrays[f"{name}.{part}"] for part in value._fields))  # type: ignore[attr-defined]
+        if hasattr(value, "_fields"):
+            changed[name] = type(value)(*(arrays[f"{name}.{part}"] for part in value._fields))
         else:
             changed[name] = arrays[name] if isinstance(value, np.ndarray) else numbers[name]
     return replace(fresh, **changed), history
 
 
-def _names(course: _Course) -> list[str]:
+def _names(course: Course) -> list[str]:
     return [field.name for field in fields(course) if field.name not in _DERIVED[type(course)]]
 
 
-def _parts(course: _Course) -> Iterator[tuple[str, Any]]:
+def _parts(course: Course) -> Iterator[tuple[str, Any]]:
     """All that a course holds, by names with a dot where it lies in a tuple."""
     for name in _names(course):
         value = getattr(course, name)
-        if isinstance(value, tuple):
-            yield from ((f"{name}.{part}", array) for part, array in value._asdict().items())  # type: ignore[attr-defined]
+        if hasattr(value, "_fields"):
+            yield from ((f"{name}.{part}", array) for part, array in value._asdict().items())
         else:
             yield name, value
 
 
-def _fits(fresh: _Course, numbers: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bool:
+def _fits(fresh: Course, numbers: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bool:
     """Whether names and types are those of a course."""
     for name, value in _parts(fresh):
         if isinstance(value, np.ndarray):

@@ -32,6 +32,13 @@ class Solution:
     record: Mapping[str, Any]
     arrays: Mapping[str, NDArray[Any]]
 
+    @property
+    def kind(self) -> str:
+        """Of the file that it is stored as: :data:`KIND`, :data:`GRAPH_KIND` or :data:`BOUND_KIND`."""
+        if not self.arrays:
+            return BOUND_KIND
+        return GRAPH_KIND if "edge_node" in self.arrays else KIND
+
 
 _OWN_MARK = "(harness)"
 """How the names of our own solvers end: their bounds hold after rounding, those of others are as they print them."""
@@ -60,13 +67,7 @@ def save(path: Path, domain: Domain, solution: Solution) -> None:
         "model_hash": domain.model_hash,
         "provenance": dict(domain.provenance),
     }
-    archive.write(path, _kind(solution), {**about, **solution.record}, solution.arrays)
-
-
-def _kind(solution: Solution) -> str:
-    if not solution.arrays:
-        return BOUND_KIND
-    return GRAPH_KIND if "edge_node" in solution.arrays else KIND
+    archive.write(path, solution.kind, {**about, **solution.record}, solution.arrays)
 
 
 def read(path: Path, domain: Domain, *kinds: str) -> Solution:

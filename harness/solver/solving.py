@@ -18,10 +18,11 @@ from harness import cards, host, registry
 from harness.errors import HarnessError, quoted
 from harness.model.domain import Domain
 from harness.solver import anytime, checkpoint
+from harness.solver.checkpoint import Course
 from harness.solver.graph import policy_arrays
 from harness.solver.points import course as points
 from harness.solver.search import N_NODES, TRIALS
-from harness.solver.solution import Solution
+from harness.solver.solution import KIND, Solution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,8 +38,6 @@ _LARGEST_FACTOR = 12
 _SAVING = 30.0
 _SHARE = 20
 """Between two writings of the state: so many seconds, and so many times what one takes, at least"""
-
-_Course = anytime.Course | points.Course
 
 Watch = Callable[[float, float, float], object]
 """Called with seconds, lower and upper bound, about once a second."""
@@ -128,9 +127,10 @@ def solve(
         if value is not None and not (isinstance(value, (int, float)) and 0 < value < float("inf")):
             raise HarnessError(f"{name} must be a number above 0, not {quoted(value)}")
     _check_solvable(domain, memory)
+    started = time.monotonic()
     course, rows = _begin(domain, path := None if resume is None else Path(resume))
-    begun = time.monotonic() - (rows[-1]["seconds"] if rows else 0.0)
-    end, save_at = time.monotonic() + (seconds or math.inf), time.monotonic() + _SAVING
+    begun, end = started - (rows[-1]["seconds"] if rows else 0.0), started + (seconds or math.inf)
+    save_at = time.monotonic() + _SAVING
     interrupted = threading.Event()
     with host.ctrl_c_sets(interrupted):
         for latest in _blocks(course, gap, int(memory * 1e9)):
@@ -149,13 +149,13 @@ def solve(
     return Solved(domain, course.lower, course.upper, pd.DataFrame(rows), _solution(course, rows[-1], stopped), stopped)
 
 
-def _begin(domain: Domain, path: Path | None) -> tuple[_Course, list[dict[str, Any]]]:
+def _begin(domain: Domain, path: Path | None) -> tuple[Course, list[dict[str, Any]]]:
     """A course, from the file where there is one, and the rows of its history."""
-    fresh: _Course = points.begin(domain) if _by_points(domain) else anytime.begin(domain)
+    fresh: Course = points.begin(domain) if _by_points(domain) else anytime.begin(domain)
     return checkpoint.restore(path, fresh) if path and path.exists() else (fresh, [])
 
 
-def _reason(course: _Course, gap: float, seconds: float | None, interrupted: bool) -> str:
+def _reason(course: Course, gap: float, seconds: float | None, interrupted: bool) -> str:
     if course.upper - course.lower <= gap:
         return "at the gap asked for"
     if interrupted:
@@ -169,14 +169,14 @@ def _by_points(domain: Domain) -> bool:
     return bool(split) or max(domain.factor_sizes, default=1) > _LARGEST_FACTOR
 
 
-def _blocks(course: _Course, gap: float, memory: int) -> Iterator[_Course]:
+def _blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:
     if isinstance(course, points.Course):
         return points.blocks(course, gap, memory)
     return anytime.blocks(course, gap, memory)
 
 
 def _extent(solution: Solution) -> dict[str, str]:
-    if "values" in solution.arrays:
+    if solution.kind == KIND:
         return {"alpha vectors": f"{len(solution.arrays['actions']):,}"}
     return {"nodes of the policy": f"{len(solution.arrays['action']):,}"}
 
@@ -192,7 +192,7 @@ def _check_solvable(domain: Domain, memory: float) -> None:
         )
 
 
-def _row(course: _Course, seconds: float) -> dict[str, Any]:
+def _row(course: Course, seconds: float) -> dict[str, Any]:
     return {
         "seconds": seconds,
         "lower": course.lower,
@@ -202,18 +202,18 @@ def _row(course: _Course, seconds: float) -> dict[str, Any]:
     }
 
 
-def _counts(course: _Course) -> Mapping[str, int]:
+def _counts(course: Course) -> Mapping[str, int]:
     if isinstance(course, points.Course):
         return course.facts
     counts = course.graph.counts
     return {"nodes": int(counts[N_NODES]), "trials": int(counts[TRIALS]), "cells": course.rows}
 
 
-def _arrays(course: _Course) -> dict[str, NDArray[Any]]:
+def _arrays(course: Course) -> dict[str, NDArray[Any]]:
     return points.arrays(course) if isinstance(course, points.Course) else policy_arrays(course)
 
 
-def _solution(course: _Course, last: dict[str, Any], stopped: str) -> Solution:
+def _solution(course: Course, last: dict[str, Any], stopped: str) -> Solution:
     record = {
         "solver": POINTS_SOLVER if isinstance(course, points.Course) else SOLVER,
         **{name: value for name, value in last.items() if name != "megabytes"},
