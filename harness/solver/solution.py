@@ -34,7 +34,7 @@ class Solution:
 
     @property
     def kind(self) -> str:
-        """Of the file that it is stored as: :data:`KIND`, :data:`GRAPH_KIND` or :data:`BOUND_KIND`."""
+        """Of the file that it is stored as: alpha vectors, a policy graph or a bound."""
         if not self.arrays:
             return BOUND_KIND
         return GRAPH_KIND if "edge_node" in self.arrays else KIND
