@@ -289,17 +289,20 @@ def from_file(path: Path) -> Domain:
     Raises:
         JuliaError: there is no such file, Julia is not set up, the file does not run, or does not end in a POMDP.
     """
+    made = _value_of(path)
+    if not julia().seval("x -> x isa POMDP")(made):
+        raise JuliaError(f"{path}: the last expression of the file must be a POMDPs.jl model (a POMDP)")
+    return from_model(made, path.stem, f"from {path.name}")
+
+
+def _value_of(path: Path) -> Any:
+    """What the last expression of a Julia file gives."""
     if not os.path.isfile(path):
         raise JuliaError(f"{quoted(path)}: no such file")
     jl = julia()
     import juliacall  # only now: where no Julia is set up, importing it reaches for the network
 
-    scope = juliacall.newmodule("UserModel")
-    scope.path = str(path.resolve())
-    made = call(scope.seval, "Base.include(@__MODULE__, path)")
-    if not jl.seval("x -> x isa POMDP")(made):
-        raise JuliaError(f"{path}: the last expression of the file must be a POMDPs.jl model (a POMDP)")
-    return from_model(made, path.stem, f"from {path.name}")
+    return call(jl.run_file, juliacall.newmodule("UserFile"), str(path.resolve()))
 
 
 def _from_model(made: Any, about: Mapping[str, Any], live: Any) -> Domain:
@@ -345,10 +348,51 @@ def solve(
     return {**to_python(record), "initial_value": call(jl.initial_value, made, alpha)}, arrays
 
 
+@dataclass(frozen=True)
+class Planned:
+    """A policy of a Julia file, solved for a domain."""
+
+    value: Any
+    """A Julia ``Planned`` (julia/src/players.jl)."""
+    about: str
+    """Packages with their versions, solver and settings."""
+    quick: bool
+    """Whether it decides without planning."""
+    copy_size: int
+    """Bytes that each episode's copy of it takes, about."""
+
+
+def planned(domain: Domain, path: Path) -> Planned:
+    """The policy, or the solver's policy for the domain, that the last expression of a Julia file gives.
+
+    Raises:
+        JuliaError: there is no such file, Julia is not set up, the file does not run, or does not end in one of these.
+    """
+    value = _value_of(path)
+    jl = julia()
+    made = call(jl.planned, value, model(domain), str(path.resolve()))
+    return Planned(made, str(made.about), bool(jl.is_quick(made.policy)), int(jl.copy_size(made)))
+
+
+def players(planned: Planned, buffers: Mapping[str, NDArray[Any]]) -> Callable[[], None]:
+    """A function that writes into ``buffers["actions"]`` what the policy does next (see ``Players`` in julia/src)."""
+    jl = julia()
+    made = call(jl.Players, planned.value, _named_tuple(buffers))
+    watch = _started().seval("f -> () -> (f(); nothing)")(_listen)
+    return functools.partial(call, getattr(jl, "act!"), made, watch)
+
+
+def _listen() -> None:
+    """Nothing; while it runs, Python notices Ctrl-C."""
+
+
+def _named_tuple(buffers: Mapping[str, NDArray[Any]]) -> Any:
+    make = julia().seval("(names, arrays...) -> NamedTuple{Tuple(Symbol.(names))}(arrays)")
+    return make(tuple(buffers), *buffers.values())
+
+
 def simulator(domain: Domain, buffers: Mapping[str, NDArray[Any]]) -> tuple[Callable[[], None], Callable[[], None]]:
     """Functions that reset and step a batch of episodes in Julia, in place (see ``Simulator`` in julia/src)."""
     jl = julia()
-    names = tuple(buffers)
-    named_tuple = jl.seval("(names, arrays...) -> NamedTuple{Tuple(Symbol.(names))}(arrays)")
-    made = call(jl.Simulator, model(domain), named_tuple(names, *buffers.values()))
+    made = call(jl.Simulator, model(domain), _named_tuple(buffers))
     return functools.partial(call, getattr(jl, "reset!"), made), functools.partial(call, getattr(jl, "step!"), made)

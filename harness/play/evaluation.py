@@ -146,6 +146,7 @@ def simulate(
     ``engine`` is ``tables`` or ``julia``. A fresh copy of the policy plays.
     The arrays of a record are overwritten by the next step.
     """
+    policies.check_engine(policy, engine)
     policy = fresh(policy)
     stepper = engines.make(engine, domain, count, getattr(policy, "uses_belief", True))
     batch = _view(stepper, seed, first)
@@ -230,6 +231,7 @@ def evaluate(
     check_played(episodes=episodes, seed=seed, first=first, horizon=horizon)
     threads = host.workers(workers)
     engine = engines.choose(engine, domain)
+    policies.check_engine(policy, engine)
     spec, made = policies.named(policy, domain)
     threads = 1 if engine == "julia" or not can_be_copied(made) else threads
     size = _batch_size(made, engine, episodes)
