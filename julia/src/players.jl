@@ -29,7 +29,7 @@ Throws an `ArgumentError` that names the file, and the line where something in i
 """
 planned(value, m::POMDP, file) = in_file(file) do
     given, updater = value isa Union{Pair,Tuple{Any,Any}} ? value : (value, nothing)  # a pair comes from Python as a tuple
-    given = given isa Function ? given(original(m)) : given
+    given = given isa Union{Function,Type} ? given(original(m)) : given
     policy = policy_of(given, original(m))
     return Planned(policy, updater_of(updater, policy, original(m)), m, file, describe_origin(given, policy))
 end
