@@ -322,6 +322,8 @@ def solve(
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Solve a domain in Julia: what to record, and the alpha vectors (``visible``, ``actions`` 0-based, ``values``).
 
+    ``solver`` is one of ours by name, or a Julia file that ends in one (see :func:`planned`).
+
     ``progress(seconds, lower, upper)`` is called now and then by a solver that reports its bounds; when it returns
     False, the solver stops and what it has so far is the result.
 
@@ -329,6 +331,9 @@ def solve(
         JuliaError: the solver failed.
     """
     jl = julia()
+    if Path(solver).suffix == ".jl":
+        found = planned(domain, Path(solver))
+        return _solution(found.model, *call(jl.solve_file, found.value))
     made = model(domain)
     options = dict(options)
     if solver == "mdp":
@@ -339,13 +344,16 @@ def solve(
         as_bool = _started().seval("f -> (numbers...) -> PythonCall.pyconvert(Bool, f(numbers...))")
         options["progress"] = as_bool(progress)
     function = {"qmdp": jl.solve_qmdp, "sarsop": jl.solve_sarsop, "native-sarsop": jl.solve_native_sarsop}[solver]
-    alpha, record = call(function, made, **options)
+    return _solution(made, *call(function, made, **options))
+
+
+def _solution(made: Any, alpha: Any, record: Any) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     arrays = {
         "visible": exported_array(alpha.visible).astype(np.int32) - 1,
         "actions": exported_array(alpha.actions).astype(np.int32) - 1,
         "values": exported_array(alpha.values).astype(np.float32),
     }
-    return {**to_python(record), "initial_value": call(jl.initial_value, made, alpha)}, arrays
+    return {**to_python(record), "initial_value": call(julia().initial_value, made, alpha)}, arrays
 
 
 @dataclass(frozen=True)
@@ -354,6 +362,8 @@ class Planned:
 
     value: Any
     """A Julia ``Planned`` (julia/src/players.jl)."""
+    model: Any
+    """The harnessed Julia model that it is for."""
     about: str
     """Packages with their versions, solver and settings."""
     quick: bool
@@ -371,7 +381,7 @@ def planned(domain: Domain, path: Path) -> Planned:
     value = _value_of(path)
     jl = julia()
     made = call(jl.planned, value, model(domain), str(path.resolve()))
-    return Planned(made, str(made.about), bool(jl.is_quick(made.policy)), int(jl.copy_size(made)))
+    return Planned(made, made.model, str(made.about), bool(jl.is_quick(made.policy)), int(jl.copy_size(made)))
 
 
 def players(planned: Planned, buffers: Mapping[str, NDArray[Any]]) -> Callable[[], None]:

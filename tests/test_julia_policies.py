@@ -216,7 +216,7 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("body", "message"),
         [
-            ("begin\n b == 3 ||\n error(\"oh dear\")\nend", r"planner\.jl, line 4: oh dear"),
+            ("begin\n b\n error(\"oh dear\")\nend", r"planner\.jl, line 4: oh dear"),
             (":sing", r"planner\.jl: .*"),
         ],
     )
@@ -242,3 +242,27 @@ def test_ctrl_c_ends_a_planner_within_a_step(written):
     assert process.returncode == 130, err
     assert err.strip().splitlines()[-1] == "harness: interrupted"
     assert "Traceback" not in err
+
+
+@needs_julia
+@pytest.mark.filterwarnings("default")
+class TestSolving:
+    def test_alpha_vectors_are_stored_and_played_without_julia(self, tiger, written, tmp_path):
+        from harness.solver import solution as solutions
+        from harness.solver.julia import solve
+
+        needs_package("PointBasedValueIteration")
+        path = written("using PointBasedValueIteration\nPBVISolver(max_iterations = 10)")
+        solution = solve(tiger, path, {})
+        assert solution.record["solver"].startswith("PointBasedValueIteration ")
+        assert solution.record["initial_value"] == pytest.approx(19.37, abs=0.2)  # Cassandra's repository of examples
+        solutions.save(tmp_path / "tiger.npz", tiger, solution)
+        stored = evaluate(tiger, f"alpha:{tmp_path / 'tiger.npz'}", episodes=3000, horizon=20, engine="tables")
+        direct = played(tiger, path, 3000)
+        assert agree(stored.discounted, direct.discounted)
+
+    def test_a_planner_has_none(self, tiger, written):
+        from harness.solver.julia import solve
+
+        with pytest.raises(harness.JuliaError, match=r"planner\.jl: a RandomPolicy has no alpha vectors to store"):
+            solve(tiger, written("using POMDPTools\nRandomPolicy"), {})

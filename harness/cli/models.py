@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.cli.arguments import domain_argument, positive, positive_number
-from harness.errors import HarnessError
+from harness.errors import HarnessError, nearest, quoted
 
 OWN = "solved"
 SOLVERS = ("qmdp", "sarsop", "native-sarsop", "mdp")
@@ -29,8 +29,8 @@ def register(commands: Any) -> None:
     )
     domain_argument(solve)
     solve.add_argument(
-        "--solver", metavar="NAME", choices=(OWN, *SOLVERS), default=OWN,
-        help=f"{OWN} (default; needs no Julia), or in Julia {', '.join(SOLVERS)}",
+        "--solver", metavar="NAME", type=_solver, default=OWN,
+        help=f"{OWN} (default; needs no Julia), or in Julia {', '.join(SOLVERS)}, or FILE.jl that ends in a solver",
     )  # fmt: skip
     solve.add_argument("--gap", type=positive_number, metavar="X", help="end when the bounds are this close (0.01)")
     solve.add_argument("--time", type=positive_number, metavar="S", help="end after so many seconds (in Julia 600)")
@@ -46,6 +46,13 @@ def register(commands: Any) -> None:
     )
     solve.add_argument("--out", type=Path, metavar="FILE", help="default: DOMAIN.SOLVER.npz here")
     solve.set_defaults(run=_solve)
+
+
+def _solver(text: str) -> str:
+    known = (OWN, *SOLVERS)
+    if text in known or text.endswith(".jl"):
+        return text
+    raise argparse.ArgumentTypeError(f"no solver {quoted(text)}{nearest(text, known)} (known: {', '.join(known)}, FILE.jl)")
 
 
 def _julia(options: argparse.Namespace) -> int:
@@ -124,7 +131,7 @@ def _solve_in_julia(options: argparse.Namespace) -> None:
     solution = julia.solve(domain, options.solver, limits)
     if options.keep_used:
         solution = only_used(domain, solution, options.keep_used)
-    path = options.out or Path(f"{domain.name}.{options.solver}.npz")
+    path = options.out or Path(f"{domain.name}.{Path(options.solver).stem}.npz")
     solutions.save(path, domain, solution)
     record, vectors = solution.record, len(solution.arrays.get("actions", []))
     found = ", ".join(f"{k} {v:.6g}" for k, v in record.items() if isinstance(v, float))

@@ -58,6 +58,17 @@ is_shared(::Union{AlphaVectorPolicy,VectorPolicy,ValuePolicy}) = true
 is_quick(policy::Policy) = is_shared(policy)
 is_quick(::Union{RandomPolicy,FunctionPolicy,StochasticPolicy}) = true
 
+"""
+    solve_file(p)
+
+The alpha vectors of a [`Planned`](@ref) policy, and what to record with them.
+
+Throws an `ArgumentError` for a policy that has none.
+"""
+solve_file(p::Planned) = in_file(p.file) do
+    return AlphaVectors(p.model, p.policy), Dict{String,Any}("solver" => p.about)
+end
+
 # --- what a row says of its origin ---
 
 function describe_origin(given, policy)
