@@ -292,7 +292,10 @@ def from_file(path: Path) -> Domain:
     made = _value_of(path)
     if not julia().seval("x -> x isa POMDP")(made):
         raise JuliaError(f"{path}: the last expression of the file must be a POMDPs.jl model (a POMDP)")
-    return from_model(made, path.stem, f"from {path.name}")
+    try:
+        return from_model(made, path.stem, f"from {path.name}")
+    except JuliaError as error:
+        raise JuliaError(f"{path.name}: {error}") from error
 
 
 def _value_of(path: Path) -> Any:

@@ -11,11 +11,30 @@ struct Flat{S,A,O,M<:POMDP{S,A,O}} <: POMDP{S,A,O}
     states::Vector{S}
     actions::Vector{A}
     observations::Vector{O}
+    reads_first::Bool   # whether there is an observation before the first step
 end
 
 # The types named: what a model lists may have a narrower one than it says its states have.
-Flat(m::POMDP{S,A,O}) where {S,A,O} =
-    Flat{S,A,O,typeof(m)}(m, ordered_states(m), ordered_actions(m), ordered_observations(m))
+function Flat(m::POMDP{S,A,O}) where {S,A,O}
+    for spaces in (states, actions, observations)
+        applicable(spaces, m) ||
+            throw(ArgumentError("$(nameof(typeof(m))) is no finite model: it has no $(nameof(spaces))(m)"))
+    end
+    return Flat{S,A,O,typeof(m)}(m, ordered_states(m), ordered_actions(m), ordered_observations(m), reads_first(m))
+end
+
+"Whether the model has `initialobs`. A QuickPOMDP has the method always, and throws when it was not given one."
+function reads_first(m)
+    s = rand(Random.Xoshiro(0), initialstate(m))
+    applicable(initialobs, m, s) || return false
+    try
+        initialobs(m, s)
+        return true
+    catch error
+        nameof(typeof(error)) == :MissingQuickArgument || rethrow()
+        return false
+    end
+end
 
 POMDPs.states(f::Flat) = f.states
 POMDPs.actions(f::Flat) = f.actions
@@ -34,7 +53,7 @@ POMDPs.discount(f::Flat) = discount(f.model)
 POMDPs.isterminal(f::Flat, s) = isterminal(f.model, s)
 POMDPs.isterminal(f::Flat, s::TerminalState) = isterminal(f.model, s)  # POMDPTools has one for any model and this state
 
-first_reading(f::Flat, s) = first_reading(f.model, s)
+first_reading(f::Flat, s) = f.reads_first ? initialobs(f.model, s) : nothing
 
 nvisible(::Flat) = 2
 visible_index(f::Flat, s) = isterminal(f, s) ? 2 : 1
