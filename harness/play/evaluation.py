@@ -156,7 +156,7 @@ def simulate(
     for step in range(1, horizon + 1):
         if stepper.done.all():
             return
-        actions = _checked(policy.act(batch), batch)
+        actions = checked(policy.act(batch), batch)
         active = ~stepper.done & (actions != STOP)
         if not active.any():
             return
@@ -177,7 +177,7 @@ def _view(stepper: Engine, seed: int, first: int) -> Batch:
     )
 
 
-def _checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
+def checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
     """The policy's actions as the engine takes them."""
     try:
         array = np.array(actions)  # a copy: who holds the policy's own may change it after it has been checked

@@ -41,7 +41,7 @@ policy_of(other, m) =
 
 "The model as its author wrote it, which solvers and policies are given."
 original(m::POMDP) = m
-original(f::Flat) = f.model
+original(f::Wrapped) = f.model
 
 updater_of(given, policy, m) = is_exact(given(m)) ? nothing : _ -> given(m)
 updater_of(::Nothing, policy, m) = applicable(updater, policy) && !is_exact(updater(policy)) ? updater : nothing
@@ -195,7 +195,10 @@ function player(p::Players, e)
     return Player(policy, up, rngs, nothing, nothing)
 end
 
-"The exact belief as a distribution of the model's states."
+# Samples are of the model's state type, which planners want arrays of.
+Base.eltype(::Type{<:FactoredBelief{<:POMDP{S}}}) where {S} = S
+
+"The exact belief as a distribution of the model's states; nothing is enumerated until its `support` is asked for."
 exact_belief(m::POMDP, v, marginals) = FactoredBelief(m, v, marginals)
 exact_belief(f::Flat, v, marginals) = DiscreteBelief(f.model, f.states, marginals)
 
