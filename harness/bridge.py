@@ -196,6 +196,8 @@ def _keep_ctrl_c(handler: Any) -> None:
     With its own signal handling Julia blocks SIGINT in every thread and waits for it in one of its own, so that
     Ctrl-C would not reach Python. Unblocked in the main thread, it is delivered there first.
     """
+    if handler is None:  # Python did not set it: Julia is the host, and Ctrl-C its business
+        return
     signal.signal(signal.SIGINT, handler)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

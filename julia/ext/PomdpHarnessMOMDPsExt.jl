@@ -48,6 +48,8 @@ numbers(x) = nothing
 names_of(::Integer) = ["x"]
 names_of(x) = ["x$i" for i in eachindex(x)]
 
+H.with_visible(m::Mixed) = POMDP_of_Discrete_MOMDP(m.model)
+
 "Alpha vectors of SARSOP.jl's policies for such models."
 function H.AlphaVectors(m::Mixed, policy::MOMDPAlphaVectorPolicy)
     vectors = Tuple{Int,Int,Vector{Float64}}[]

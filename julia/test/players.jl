@@ -16,8 +16,11 @@ struct SamplingSolver <: Solver
 end
 POMDPs.solve(::SamplingSolver, m::POMDP) = Sampling(Xoshiro(1), 0, Any[])
 
+"Uniform numbers that do not depend on how many there are."
+numbers(t, E) = [rand(Xoshiro(1000t + e)) for e in 1:E]
+
 function buffers_of(m, E; seed = 0)
-    b = (u = rand(Xoshiro(seed), E), actions = zeros(Int32, E), rewards = zeros(E), visible = zeros(Int32, E),
+    b = (u = numbers(seed, E), actions = zeros(Int32, E), rewards = zeros(E), visible = zeros(Int32, E),
         observation = zeros(Int32, E), done = fill(false, E), marginals = zeros(E, H.nmarginals(m)), numbers = zeros(E))
     simulator = H.Simulator(m, Base.structdiff(b, (; numbers = 0)))
     H.reset!(simulator)
@@ -29,9 +32,9 @@ function actions_of(planned, E, n)
     b, simulator = buffers_of(planned.model, E)
     players = H.Players(planned, b)
     return stack(1:n) do t
-        b.numbers .= rand(Xoshiro(100 + t), E)
+        b.numbers .= numbers(100 + t, E)
         H.act!(players, Returns(nothing))
-        b.u .= rand(Xoshiro(200 + t), E)
+        b.u .= numbers(200 + t, E)
         H.step!(simulator)
         copy(b.actions)
     end, players
@@ -49,6 +52,8 @@ end
     @test occursin("SamplingSolver(depth=3)", planned.about)
 end
 
+mean_of(f, d, n) = (rng = Xoshiro(3); count(_ -> f(rand(rng, d)), 1:n) / n)
+
 @testset "a belief over 2^15 hidden states is sampled without listing them" begin
     m = instance("rocksample-15x15").make()
     belief = initialize_belief(FactoredUpdater(m), initialstate(m))
@@ -58,8 +63,6 @@ end
     frequency = [mean_of(s -> H.factor_value(m, s, k) == 2, belief, 4000) for k in 1:15]
     @test all(f -> abs(f - 0.5) < 4 * 0.5 / sqrt(4000), frequency)
 end
-mean_of(f, d, n) = (rng = Xoshiro(3); count(_ -> f(rand(rng, d)), 1:n) / n)
-
 @testset "copies share the model and nothing else" begin
     m = BorderCross()
     inner = Dict(:a => [1, 2])
@@ -79,7 +82,7 @@ end
     players = H.Players(planned, b)
     b.marginals .= [0.5 0.5; 0.99 0.01; 0.01 0.99]
     H.act!(players, Returns(nothing))
-    @test b.actions == [actionindex(Tiger(), action(policy, DiscreteBelief(Tiger(), row))) - 1 for row in eachrow(b.marginals)]
+    @test b.actions == [actionindex(Tiger(), action(policy, DiscreteBelief(Tiger(), collect(row)))) - 1 for row in eachrow(b.marginals)]
 end
 
 @testset "all are served, and the first error ends it" begin
