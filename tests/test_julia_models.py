@@ -45,6 +45,7 @@ MODELS = {
         "RockSamplePOMDP(map_size = (3, 3), rocks_positions = [(1, 2), (3, 1)])",
         (37, 7, 3),
     ),
+    "momdp": ("MOMDPs", f'include(raw"{bridge.package_folder() / "test" / "momdp_model.jl"}")\nDoors()', (8, 2, 2)),
     "quick": ("QuickPOMDPs", QUICK, (2, 3, 2)),
     "explicit": ("QuickPOMDPs", EXPLICIT, (2, 3, 2)),
 }
@@ -94,6 +95,16 @@ def test_chance_earns_what_it_earns_in_pomdps_jl(model):
     reference = np.array(scope.seval(IN_JULIA)(path, 4000, 20))
     error = np.hypot(reference.std(), played.discounted.std()) / 4000**0.5
     assert abs(played.discounted.mean() - reference.mean()) <= 4 * error + 1e-9
+
+
+def test_a_model_of_momdps_jl_has_a_visible_part(tmp_path):
+    package, text, _ = MODELS["momdp"]
+    if bridge.julia().seval("name -> Base.find_package(name) === nothing")(package):
+        pytest.skip(f"the Julia package {package} is not installed")
+    domain = harness.load(write(tmp_path, "doors", f"using {package}\n{text}"))
+    assert domain.n_visible == 4
+    assert domain.n_joint == 2
+    assert [tuple(values) for values in domain.visible_values] == [(1,), (2,), (3,), (4,)]
 
 
 @pytest.mark.parametrize(

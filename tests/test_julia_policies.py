@@ -266,3 +266,20 @@ class TestSolving:
 
         with pytest.raises(harness.JuliaError, match=r"planner\.jl: a RandomPolicy has no alpha vectors to store"):
             solve(tiger, written("using POMDPTools\nRandomPolicy"), {})
+
+
+@needs_julia
+@pytest.mark.filterwarnings("default")
+def test_the_way_back_a_program_in_pomdps_jl_s_simulator(rocksample):
+    """Python calls Julia's simulator, which asks Python's policy; the reference is our own evaluation."""
+    import juliacall
+
+    scope = juliacall.newmodule("WayBack")
+    scope.seval("using PomdpHarness; using PomdpHarness: POMDPs, POMDPTools, Random")
+    scope.seval("using .POMDPs, .POMDPTools, .Random")
+    play = scope.seval("""(m, policy, episodes) ->
+        [simulate(RolloutSimulator(; rng = Xoshiro(k), max_steps = 50), m, policy) for k in 1:episodes]
+    """)
+    m = bridge.model(rocksample)
+    returns = np.array(play(m, bridge.julia().python_policy(m, "rocksample-7x8", "ge-feedback"), 150))
+    assert agree(returns, evaluate(rocksample, "ge-feedback", episodes=1000, engine="tables").discounted)
