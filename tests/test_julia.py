@@ -5,12 +5,15 @@ Julia is started once in this process; what must be seen from outside (Ctrl-C) r
 
 from __future__ import annotations
 
+import fcntl
 import os
 import pty
 import select
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 
@@ -247,6 +250,7 @@ def test_ctrl_c_stops_sarsop_and_keeps_what_it_has(tmp_path, rocksample):
     path = tmp_path / "early.npz"
     command = [sys.executable, "-u", "-m", "harness", "solve", "rocksample-7x8", "--solver", "sarsop", "--time", "600"]
     terminal, theirs = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))  # tqdm draws nothing on no columns
     with subprocess.Popen(
         [*command, "--out", str(path)], stdout=subprocess.PIPE, stderr=theirs, text=True, start_new_session=True
     ) as process:
