@@ -1,11 +1,13 @@
-"""Policies and solvers of POMDPs.jl as rows of a table. Those that need Julia or a package of it are skipped without."""
+"""Policies and solvers of POMDPs.jl as rows of a table. What needs Julia or a package of it is skipped without."""
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +30,9 @@ PLANNERS = {
         AdaOPSSolver(bounds = AdaOPS.IndependentBounds(-2000.0, 200.0), max_depth = 10, max_trials = 10, T_max = Inf,
                      num_b = 1000)""",
 }
+PAGE = (Path(__file__).parent.parent / "docs" / "julia-policies.md").read_text(encoding="utf-8")
+PLANNERS_SHOWN = [text for text in re.findall(r"```julia\n(.*?)```", PAGE, re.DOTALL) if "python_policy" not in text]
+
 OFFLINE = {
     "PointBasedValueIteration": "PBVISolver(max_iterations = 5)",
     "FIB": "FIBSolver(max_iterations = 1000, tolerance = 1e-6)",
@@ -205,8 +210,8 @@ class TestErrors:
             ("using POMDPTools\nnothing_of_that_name", r"planner\.jl, line 2: UndefVarError"),
             ("1 +\n", r"planner\.jl, line \d: .*premature end of input|ParseError"),
             ("3", r"planner\.jl: it must end in a Policy, a Solver or a function .*, not in a Int64"),
-            ("using NoSuchPackage", r"line 1: Julia package NoSuchPackage is not installed: julia --project=.*Pkg\.add"),
-            ("using POMDPTools\nfunction f(m)\n  error(\"no luck\")\nend\nf", r"planner\.jl, line 3: no luck"),
+            ("using NoSuchPackage", r"line 1: Julia package NoSuchPackage is not installed: julia --project=.*add"),
+            ('using POMDPTools\nfunction f(m)\n  error("no luck")\nend\nf', r"planner\.jl, line 3: no luck"),
         ],
     )
     def test_files_that_are_wrong(self, text, message, tiger, written):
@@ -216,7 +221,7 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("body", "message"),
         [
-            ("begin\n b\n error(\"oh dear\")\nend", r"planner\.jl, line 4: oh dear"),
+            ('begin\n b\n error("oh dear")\nend', r"planner\.jl, line 4: oh dear"),
             (":sing", r"planner\.jl: .*"),
         ],
     )
@@ -229,7 +234,7 @@ class TestErrors:
 @needs_julia
 def test_ctrl_c_ends_a_planner_within_a_step(written):
     """A step of this policy would take a minute and more; Ctrl-C is heard between two episodes."""
-    path = written("using POMDPTools\nFunctionPolicy(b -> (println(stderr, \"asked\"); sleep(1.0); 1))")
+    path = written('using POMDPTools\nFunctionPolicy(b -> (println(stderr, "asked"); sleep(1.0); 1))')
     command = [sys.executable, "-u", "-m", "harness", "compare", "rocksample-7x8", "--engine", "julia"]
     with subprocess.Popen(
         [*command, "--policy", path, "--episodes", "1000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -283,3 +288,12 @@ def test_the_way_back_a_program_in_pomdps_jl_s_simulator(rocksample):
     m = bridge.model(rocksample)
     returns = np.array(play(m, bridge.julia().python_policy(m, "rocksample-7x8", "ge-feedback"), 150))
     assert agree(returns, evaluate(rocksample, "ge-feedback", episodes=1000, engine="tables").discounted)
+
+
+@needs_julia
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("text", PLANNERS_SHOWN, ids=lambda text: text.splitlines()[0])
+def test_the_files_of_the_documentation_run(text, written, rocksample):
+    for package in text.splitlines()[0].removeprefix("using ").split(", "):
+        needs_package(package)
+    assert evaluate(rocksample, written(text), episodes=3, horizon=3, engine="julia").score.episodes == 3

@@ -52,7 +52,9 @@ def _solver(text: str) -> str:
     known = (OWN, *SOLVERS)
     if text in known or text.endswith(".jl"):
         return text
-    raise argparse.ArgumentTypeError(f"no solver {quoted(text)}{nearest(text, known)} (known: {', '.join(known)}, FILE.jl)")
+    raise argparse.ArgumentTypeError(
+        f"no solver {quoted(text)}{nearest(text, known)} (known: {', '.join(known)}, FILE.jl)"
+    )
 
 
 def _julia(options: argparse.Namespace) -> int:

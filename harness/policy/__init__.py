@@ -23,7 +23,17 @@ from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
 from harness.solver.solution import GRAPH_KIND, OWN, read
 
-__all__ = ["Policy", "check_engine", "check_from_data", "default_specs", "make", "make_from_data", "named", "names_code", "specs"]
+__all__ = [
+    "Policy",
+    "check_engine",
+    "check_from_data",
+    "default_specs",
+    "make",
+    "make_from_data",
+    "named",
+    "names_code",
+    "specs",
+]
 
 MOST_SIMULATIONS = 1_000_000
 """What ``rollout`` simulates of each action at most: a step then takes minutes, in which no Ctrl-C is heard."""
@@ -237,7 +247,7 @@ def check_engine(policy: str | Policy | None, engine: str) -> None:
 
 def names_code(spec: str) -> bool:
     """Whether a policy string is the path of code, and no policy of the harness's."""
-    return _is_julia(spec) or own.is_path(spec) and all(kind.word != spec.partition(":")[0] for kind in _KINDS)
+    return _is_julia(spec) or (own.is_path(spec) and all(kind.word != spec.partition(":")[0] for kind in _KINDS))
 
 
 def check_from_data(spec: str, allow_code: bool = False) -> None:

@@ -54,8 +54,7 @@ DIFFERENCES = (
 discounted and for undiscounted returns. The p-values are adjusted by Holm for all the tests of the table."""
 
 DETAILS = "details"
-"""Further column of a comparison in which a policy says more of itself than its name (a Julia file): packages with their
-versions, solver and settings."""
+"""Further column where a policy says more of itself than its name (a Julia file): packages, versions, settings."""
 
 
 class Table(pd.DataFrame):
