@@ -7,10 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from harness.cli.arguments import domain_argument, positive, positive_number
-from harness.errors import HarnessError, nearest, quoted
+from harness.errors import HarnessError
 
 OWN = "solved"
 SOLVERS = ("qmdp", "sarsop", "native-sarsop", "mdp")
+
+
+class _Solvers(tuple[str, ...]):
+    """Names that a shell completes; a Julia file is a choice too."""
+
+    def __contains__(self, text: object) -> bool:
+        return super().__contains__(text) or str(text).endswith(".jl")
 
 
 def register(commands: Any) -> None:
@@ -29,7 +36,7 @@ def register(commands: Any) -> None:
     )
     domain_argument(solve)
     solve.add_argument(
-        "--solver", metavar="NAME", type=_solver, default=OWN,
+        "--solver", metavar="NAME", choices=_Solvers((OWN, *SOLVERS)), default=OWN,
         help=f"{OWN} (default; needs no Julia), or in Julia {', '.join(SOLVERS)}, or FILE.jl that ends in a solver",
     )  # fmt: skip
     solve.add_argument("--gap", type=positive_number, metavar="X", help="end when the bounds are this close (0.01)")
@@ -46,15 +53,6 @@ def register(commands: Any) -> None:
     )
     solve.add_argument("--out", type=Path, metavar="FILE", help="default: DOMAIN.SOLVER.npz here")
     solve.set_defaults(run=_solve)
-
-
-def _solver(text: str) -> str:
-    known = (OWN, *SOLVERS)
-    if text in known or text.endswith(".jl"):
-        return text
-    raise argparse.ArgumentTypeError(
-        f"no solver {quoted(text)}{nearest(text, known)} (known: {', '.join(known)}, FILE.jl)"
-    )
 
 
 def _julia(options: argparse.Namespace) -> int:
