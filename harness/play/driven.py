@@ -64,6 +64,6 @@ class Driven:
                 raise PolicyError(f"{name} must be one index an episode, from {low} to {high - 1}")
         if belief.shape != (size, d.n_marginals):
             raise PolicyError(f"marginals must have the shape ({size}, {d.n_marginals}), not {belief.shape}")
-        seen = (read_only(array) for array in indices)
+        seen, last = (read_only(array) for array in indices)
         done = read_only(np.zeros(size, dtype=np.bool_))
-        return Batch(d, *seen, read_only(belief), done, self._seed, 0, step)
+        return Batch(d, seen, last, read_only(belief), done, self._seed, 0, step)

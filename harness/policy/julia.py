@@ -20,7 +20,7 @@ _COPIES = 1 << 30  # bytes that the copies of a batch may take
 
 
 class JuliaPolicy:
-    """A POMDPs.jl policy. One call into Julia a step; each episode has its own copy, belief and random numbers there."""
+    """A POMDPs.jl policy. One call into Julia a step; each episode has its own copy, belief and numbers there."""
 
     engine = "julia"
     """The only engine that it plays on."""

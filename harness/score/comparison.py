@@ -52,7 +52,7 @@ def compare(
 
     Returns:
         One row a policy and domain, columns :data:`~harness.score.table.COLUMNS`; with ``against`` also
-        :data:`~harness.score.table.DIFFERENCES`, and where a policy is of a Julia file :data:`~harness.score.table.DETAILS`.
+        :data:`~harness.score.table.DIFFERENCES`, and with a Julia file :data:`~harness.score.table.DETAILS`.
 
     Raises:
         HarnessError: something in the arguments is wrong; nothing is run before all of them have been checked.

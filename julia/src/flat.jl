@@ -31,6 +31,7 @@ end
 
 "Whether the model has `initialobs`. A QuickPOMDP has the method always, and throws when it was not given one."
 function reads_first(m)
+    isempty(methods(initialobs, Tuple{typeof(m),Any})) && return false
     s = rand(Random.Xoshiro(0), initialstate(m))
     applicable(initialobs, m, s) || return false
     try
