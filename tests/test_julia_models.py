@@ -45,7 +45,11 @@ MODELS = {
         "RockSamplePOMDP(map_size = (3, 3), rocks_positions = [(1, 2), (3, 1)])",
         (37, 7, 3),
     ),
-    "momdp": ("MOMDPs", f'include(raw"{bridge.package_folder() / "test" / "momdp_model.jl"}")\nDoors()', (8, 2, 2)),
+    "momdp": (
+        "MOMDPs",
+        f'Base.include(@__MODULE__, raw"{bridge.package_folder() / "test" / "momdp_model.jl"}")\nDoors()',
+        (8, 2, 2),
+    ),
     "quick": ("QuickPOMDPs", QUICK, (2, 3, 2)),
     "explicit": ("QuickPOMDPs", EXPLICIT, (2, 3, 2)),
 }
