@@ -1,9 +1,10 @@
-"""Seconds until the bounds of the optimal value are so close: our solver, and APPL's pomdpsol where it is installed.
+"""Seconds until the bounds of the optimal value are so close: our solver, beside APPL's pomdpsol and NativeSARSOP.jl.
 
-    python -m benchmarks.solver --seconds 60 [--appl rocksample-7x8=RockSample_7_8.pomdpx] [--out FOLDER]
+    python -m benchmarks.solver --seconds 60 [--appl rocksample-7x8=RockSample_7_8.pomdpx] [--native] [--out FOLDER]
 
 In the manner of COCO (Hansen et al. 2021): the time to targets, here gaps as shares of the upper bound, not the bounds
-after a time. Compiled code is in the cache before the clock runs. With ``--out`` also a table and a picture of all
+after a time. Compiled code is in the cache before the clock runs. NativeSARSOP.jl tells its bounds at the end only, so
+that it is run anew for 1, 2, 4, … seconds. With ``--out`` also a table and a picture of all
 bounds over the time.
 """
 
@@ -21,9 +22,10 @@ from matplotlib.figure import Figure
 from tabulate import tabulate
 
 import harness
+from harness.solver import julia
 
 GAPS = (0.1, 0.03, 0.01, 0.003, 0.001)
-OURS, APPL = "harness", "pomdpsol"
+OURS, APPL, NATIVE = "harness", "pomdpsol", "native-sarsop"
 DOMAINS = ("rocksample-7x8", "rocksample-11x11", "rocksample-15x15", "bordercross-7x8", "bordercross-7x8-random")
 _LINE = re.compile(r"^ *([\d.e+-]+) +\d+ +\d+ +([\d.e+-]+) +([\d.e+-]+) ")
 """Of pomdpsol: time, trials, backups, lower bound, upper bound"""
@@ -41,6 +43,14 @@ def appl(model: Path, seconds: float) -> pd.DataFrame:
     text = subprocess.run(command, capture_output=True, text=True, check=False).stdout
     rows = [[float(each) for each in found.groups()] for found in map(_LINE.match, text.splitlines()) if found]
     return pd.DataFrame(rows, columns=["seconds", "lower", "upper"])
+
+
+def native(domain: str, seconds: float) -> pd.DataFrame:
+    """The bounds of NativeSARSOP.jl when it is given 1, 2, 4, … seconds."""
+    limits = [2.0**k for k in range(20) if 2**k <= seconds]
+    julia.solve(harness.load(domain), NATIVE, {"timeout": 1.0})  # compiles
+    rows = [julia.solve(harness.load(domain), NATIVE, {"timeout": limit}).record for limit in limits]
+    return pd.DataFrame(rows)[["seconds", "lower", "upper"]]
 
 
 def times(history: pd.DataFrame) -> list[float]:
@@ -72,6 +82,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--memory", type=float, default=2.0, help="GB")
     parser.add_argument("--appl", action="append", default=[], metavar="DOMAIN=FILE", help="a model file of the domain")
+    parser.add_argument("--native", action="store_true", help="NativeSARSOP.jl too, in Julia")
     parser.add_argument("--out", type=Path, metavar="FOLDER")
     options = parser.parse_args()
     files = dict(each.split("=", 1) for each in options.appl)
@@ -82,6 +93,8 @@ def main() -> None:
         runs[domain, OURS] = ours(domain, options.seconds, options.memory)
         if domain in files:
             runs[domain, APPL] = appl(Path(files[domain]), options.seconds)
+        if options.native:
+            runs[domain, NATIVE] = native(domain, options.seconds)
     rows = [[*key, *times(run), run["lower"].iloc[-1], run["upper"].iloc[-1]] for key, run in runs.items() if len(run)]
     heads = ["domain", "solver", *(f"{gap:.1%}" for gap in GAPS), "lower", "upper"]
     print(tabulate(rows, heads, floatfmt=(*["g"] * 2, *[".2f"] * len(GAPS), ".4f", ".4f")))

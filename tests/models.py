@@ -166,6 +166,32 @@ def brute_force(domain, depth):
     return _best(domain, belief, depth)
 
 
+def earned_by(domain, v, marginals, actions):
+    """The visible values after these actions with their probabilities, and the discounted reward on the way."""
+    t, total = domain.arrays, 0.0
+    split = np.split(marginals, domain.factor_offset[1:-1])
+    belief = {
+        (v, hidden): float(np.prod([m[x] for m, x in zip(split, hidden, strict=True)]))
+        for hidden in itertools.product(*map(range, domain.factor_sizes))
+    }
+    for step, a in enumerate(actions):
+        after = {}
+        for (v, hidden), p in belief.items():
+            k, row = t["factor"][v * domain.n_actions + a], t["first_row"][v * domain.n_actions + a]
+            row += 0 if k < 0 else hidden[k]
+            for j in range(t["row_outcomes"][row], t["row_outcomes"][row + 1]):
+                q, vp = p * t["outcome_probability"][j], int(t["outcome_visible"][j])
+                total += domain.discount**step * q * t["outcome_reward"][0][j]
+                if not t["terminal"][vp]:
+                    new = hidden if k < 0 else (*hidden[:k], int(t["outcome_value"][j]), *hidden[k + 1 :])
+                    after[vp, new] = after.get((vp, new), 0.0) + q
+        belief = after
+    seen = {}
+    for (v, _), p in belief.items():
+        seen[v] = seen.get(v, 0.0) + p
+    return seen, total
+
+
 def _best(d, belief, depth):
     if depth == 0 or not belief:
         return 0.0

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import harness
 from harness.errors import HarnessError, SnapshotError
 from harness.policy.graph import PolicyGraph
+from harness.solver import anytime, grid, levels, plans
 from harness.solver import solution as solutions
 from tests import models
 from tests.conftest import size
@@ -40,6 +41,45 @@ def test_tiger_has_the_value_of_appl_s_log():
     assert solved.gap <= 1e-3
     mean, sem = earned(solved)
     assert mean >= solved.lower - 4 * sem
+
+
+def test_a_blind_plan_earns_what_its_actions_do():
+    """Against a sum over all hidden states."""
+    domain, rng, lengths = models.rocksample(4, [(3, 1), (2, 1), (1, 3), (1, 0)], (0, 2)), np.random.default_rng(3), []
+    course = anytime.begin(domain)
+    *_, course = anytime.blocks(course, 0.1, 10**9)
+    path = np.empty((plans.LONGEST, 2), dtype=np.int32)
+    for _ in range(100):
+        p, v = rng.choice([0.0, 0.2, 0.5, 0.8, 0.93, 1.0], 4), int(rng.integers(16))
+        belief = np.ravel(np.column_stack([1 - p, p]))
+        value, length = plans.follow(course.branches, course.plans, course.floor, v, belief, path)
+        after, total = models.earned_by(domain, v, belief, path[:length, 1])
+        rest = domain.discount**length * sum(chance * course.floor[x] for x, chance in after.items())
+        assert value == pytest.approx(total + rest, abs=1e-12)
+        assert value >= course.floor[v]
+        lengths.append(length)
+    assert max(lengths) > 4
+
+
+def test_a_sparse_grid_is_asked_as_if_its_cells_were_mixed_one_by_one():
+    """The base less what its rows fell by, against the plain mixture of the rows, made where there are none."""
+    rng, sizes, V = np.random.default_rng(1), (2, 3), 4
+    coarse = levels.make([[(0.5, 0.5)], [(0.2, 0.3, 0.5)]])
+    fine = levels.make([[(0.5, 0.5), (0.9, 0.1), (0.2, 0.8)], [(0.2, 0.3, 0.5), (0.6, 0.2, 0.2)]])
+    base = rng.normal(0, 10, (coarse.cells, V)).astype(np.float32)
+    above = grid.sparse(base, np.ascontiguousarray(base.T), coarse, fine, sizes, 2 * fine.cells)
+    for cell in rng.permutation(fine.cells)[: fine.cells // 2]:
+        row = grid.made(above, cell)
+        above.value[row] -= rng.exponential(1, V).astype(np.float32)
+    offset = np.array([0, 2, 5])
+    for _ in range(50):
+        belief, v = np.concatenate([rng.dirichlet(np.ones(n)) for n in sizes]), int(rng.integers(V))
+        asked = grid.grid_value(above, offset, v, belief)
+        cells, weights = grid.cells_of(above, offset, belief)
+        rows = [grid.row_of(above.table, above.cell, cell) for cell in cells]
+        rows = [row if row >= 0 else grid.made(above, cell) for row, cell in zip(rows, cells, strict=True)]
+        plain = float(weights @ above.value[rows, v].astype(float))
+        assert asked == pytest.approx(plain, abs=1e-5)  # rows are of float32
 
 
 def test_a_problem_without_secrets_is_exact():

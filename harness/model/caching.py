@@ -23,7 +23,7 @@ import numba
 _config: Any = numba.config
 PACKAGE = Path(__file__).resolve().parent.parent
 _KEPT = 4  # folders of earlier sources that stay, so that going back and forth between branches compiles nothing
-_MARKS = (b"\n@compiled\n", b"\n@inlined\n")
+_MARKS = (b"\n@compiled\n", b"\n@inlined\n", b"\n@lean\n")
 _IMPORTS = re.compile(rb"^(?:from|import) (harness(?:\.\w+)*)(?: import ([^(\n]+|\([^)]*\)))?", re.MULTILINE)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from harness import host
 from harness.model.domain import Domain
-from harness.solver import exploring, grid, refining, search, sweeping
+from harness.solver import exploring, grid, plans, refining, search, sweeping
 from harness.solver import levels as level_sets
 from harness.solver.backups import Backups, backups
 from harness.solver.branches import Branches, branches_of
@@ -24,14 +24,15 @@ from harness.solver.floor import robust
 from harness.solver.grid import Above
 from harness.solver.levels import Levels
 from harness.solver.lookahead import Model
+from harness.solver.plans import Plans
 from harness.solver.search import N_EDGES, N_NODES, Graph
 
 _FIRST_CELLS = 10_000
 _GROWTH = 32
 """Cells of a whole grid over those of the one before, at most"""
-_WHOLE = 0.45
-"""Share of the memory that a whole grid may take"""
-_WHOLE_VALUES = 40_000_000
+_WHOLE = 0.6
+"""Share of the memory that a whole grid may take, its copy for the search with it"""
+_WHOLE_VALUES = 5_000_000
 """Values of a whole grid whose levels go by the beliefs met, at most: a few seconds for a sweep"""
 _SWEEPS = 40
 _STILL = 0.02
@@ -46,7 +47,7 @@ _INNER = (3, 7, 15, 31)
 """Levels of a factor beside the certain ones, at most, in the sparse grids that follow each other."""
 _BATCHES = 32
 """Batches of runs in one call"""
-_NODES_A_BATCH = 100
+_NODES_A_BATCH = 250
 """Nodes of the search that take the time of a batch of runs; measured, roughly."""
 _FIRST_NODES = 2000
 _FALLEN = 0.1
@@ -71,6 +72,8 @@ class Course:
     base: Levels
     """Of the last whole grid"""
     above: Above
+    plans: Plans
+    """For the search's leaves"""
     graph: Graph
     stage: int = 0
     """Grids before this one"""
@@ -107,9 +110,9 @@ class Course:
 
     @property
     def memory(self) -> int:
-        """Bytes of the grid and the graph."""
+        """Bytes of the grid, the plans and the graph."""
         order = 0 if self.sparse else 4 * self.levels.cells
-        return order + sum(array.nbytes for array in (*self.above, *self.graph))
+        return order + sum(array.nbytes for array in (*self.above, *self.plans, *self.graph))
 
     @property
     def sparse(self) -> bool:
@@ -124,7 +127,7 @@ class Course:
     @property
     def grid_value(self) -> float:
         """The grid's upper bound at the start."""
-        return float(grid.grid_value(self.above, self.branches.factor_offset, *root(self.graph)))
+        return float(grid.start_value(self.above, self.branches.factor_offset, *root(self.graph)))
 
     @property
     def model(self) -> Model:
@@ -132,8 +135,7 @@ class Course:
         span = np.abs(self.branches.reward).max() / (1.0 - self.branches.discount)
         widest = int(np.diff(self.branches.factor_offset).max(initial=0))
         relative = 2.0 * (widest * 2.0**-43 + 100 * 2.0**-52)  # rounded posteriors; sums of some ten terms
-        quick = grid.whole(self.above.base, self.base) if self.sparse else self.above
-        return Model(self.branches, self.above, quick, self.floor, relative * (1.0 + float(span)))
+        return Model(self.branches, self.above, self.floor, relative * (1.0 + float(span)), self.plans)
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,15 @@ def begin(domain: Domain) -> Course:
     value[:] = np.nextafter(np.float32(max(0.0, b.reward.max()) / (1.0 - b.discount)), np.float32(np.inf))
     value[:, domain.arrays["terminal"]] = 0.0
     course = Course(
-        domain, b, floor, action, levels, levels, grid.whole(value, levels), search.empty(b, 20_000, 100_000)
+        domain,
+        b,
+        floor,
+        action,
+        levels,
+        levels,
+        grid.whole(value, levels),
+        plans.plans(value, levels.stride, domain.factor_sizes),
+        search.empty(b, 20_000, 100_000),
     )
     start = domain.arrays["prior_visible"][0], domain.arrays["prior_marginals"][0].copy()
     search.node_of(course.graph, course.model, int(start[0]), start[1])
@@ -236,6 +246,8 @@ def _after_sweep(course: Course) -> Course:
 def _at_rest(course: Course, quota: int) -> Course:
     """The grid stands still: the search's turn, with the grid's new values where they have fallen much."""
     now = course.grid_value
+    if not course.sparse:
+        course.above.across[:] = course.above.value.T
     if now < course.pruned - _FALLEN * max(0.0, now - course.lower):
         course = replace(course, graph=search.pruned(course.graph, course.branches), pruned=now)
         search.refresh(course.graph, course.model)
@@ -246,9 +258,7 @@ def _explored(course: Course, tools: _Tools, memory: int) -> Course:
     """Some batches of runs on the sparse grid, with more room if they need it."""
     course = _with_room(course, memory)
     b, before = course.branches, course.grid_value
-    size = grid.widest(course.above, b.factor_offset, root(course.graph)[1])
-    cells, weights = np.empty(size, dtype=np.int64), np.empty(size)
-    grid.spread(course.above, b.factor_offset, root(course.graph)[1], -1, cells, weights)
+    cells, weights = grid.cells_of(course.above, b.factor_offset, root(course.graph)[1])
     done = exploring.explore(
         course.above,
         tools.backups,
@@ -300,13 +310,13 @@ def _tried(course: Course, gap: float, memory: int) -> Course:
 
 def _finer(course: Course, memory: int) -> Course:
     """More levels: of a whole grid while there is room for them, then of a sparse one; itself, where none are left."""
-    most = int(_WHOLE * memory) // (4 * len(course.floor))
+    most = int(_WHOLE * memory) // (8 * len(course.floor))
     if not course.sparse:
         bounded = min(max(_FIRST_CELLS, _GROWTH * course.levels.cells), most)
         levels = level_sets.make(refining.with_priors(course.model, course.graph, course.levels, bounded))
         if levels.cells > course.levels.cells:
             return _whole(course, levels)
-    needed = 3 * _ROWS * 4 * len(course.floor)
+    needed = 3 * _ROWS * 8 * len(course.floor)
     if course.refined == len(_INNER) or course.memory + needed > memory:
         return course
     levels = level_sets.make(refining.refined(course.model, course.graph, course.levels, _INNER[course.refined]))
@@ -319,6 +329,9 @@ def _finer(course: Course, memory: int) -> Course:
 
 
 def _whole(course: Course, levels: Levels) -> Course:
+    if course.stage == 0:  # the grid of corners, and it stands still
+        known = plans.plans(course.above.value, course.levels.stride, course.domain.factor_sizes)
+        course = replace(course, plans=known)
     value = grid.finer(course.above.value, course.levels, levels, course.domain.factor_sizes)
     return _on(replace(course, base=levels), levels, grid.whole(value, levels))
 
@@ -326,8 +339,8 @@ def _whole(course: Course, levels: Levels) -> Course:
 def _sparse(course: Course, levels: Levels) -> Above:
     sizes, old = course.domain.factor_sizes, course.above
     if not course.sparse:
-        return grid.sparse(old.value, course.base, levels, sizes, _ROWS)
-    above = grid.sparse(old.base, course.base, levels, sizes, len(old.cell))
+        return grid.sparse(old.value, old.across, course.base, levels, sizes, _ROWS)
+    above = grid.sparse(old.base, old.across, course.base, levels, sizes, len(old.cell))
     grid.carry(old, above, level_sets.places(course.levels, levels))
     return above
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from harness.model.splitmix import next_uniform
 from harness.model.tables import compiled, inlined
 from harness.solver.backups import Backups
-from harness.solver.grid import Above, row_of
+from harness.solver.grid import Above, made, row_of
 from harness.solver.levels import Levels
 from harness.solver.sweeping import ranks, sweep
 
@@ -47,32 +47,43 @@ def places(s: Backups, levels: Levels, n_visible: int) -> Places:
 @compiled
 def _step(above: Above, s: Backups, p: Places, cell: int, v: int, u: float) -> tuple[int, int]:
     """Cell and visible value that follow the best action; −1 for none."""
+    value, table, held, stride, offset = above.value, above.table, above.cell, above.stride, above.offset
     best, kind, which = -np.inf, 0, 0
-    mine = above.value[row_of(above, cell)]
+    mine = row_of(table, held, cell)
+    mine = mine if mine >= 0 else made(above, cell)
+    reward, first, visible, weight = s.moves.reward, s.moves.first, s.moves.visible, s.moves.weight
     for j in range(p.move[v], p.move[v + 1]):
-        total = s.moves.reward[j]
-        for e in range(s.moves.first[j], s.moves.first[j + 1]):
-            total += s.moves.weight[e] * np.float64(mine[s.moves.visible[e]])
+        total = reward[j]
+        for e in range(first[j], first[j + 1]):
+            total += weight[e] * np.float64(value[mine, visible[e]])
         if total > best:
             best, kind, which = total, 0, j
+    block, dense_reward, dense_first, dense_step, dense_weight = (
+        s.block, s.dense_reward, s.dense_first, s.dense_step, s.dense_weight
+    )  # fmt: skip
+    own, reward, first, visible, step, weight = (
+        p.row, s.rows.reward, s.rows.first, s.rows.visible, s.rows.step, s.rows.weight
+    )  # fmt: skip
     rest = cell
-    for k in range(len(above.stride)):
-        place = rest // above.stride[k]
-        rest -= place * above.stride[k]
-        level = above.offset[k] + place
-        for d in range(s.block[level], s.block[level + 1]):
-            total = s.dense_reward[d, v]
-            for e in range(s.dense_first[d], s.dense_first[d + 1]):
-                if s.dense_weight[e, v] > 0.0:
-                    row = row_of(above, cell + s.dense_step[e])
-                    total += s.dense_weight[e, v] * np.float64(above.value[row, v])
+    for k in range(len(stride)):
+        place = rest // stride[k]
+        rest -= place * stride[k]
+        level = offset[k] + place
+        for d in range(block[level], block[level + 1]):
+            total = dense_reward[d, v]
+            for e in range(dense_first[d], dense_first[d + 1]):
+                if dense_weight[e, v] > 0.0:
+                    row = row_of(table, held, cell + dense_step[e])
+                    row = row if row >= 0 else made(above, cell + dense_step[e])
+                    total += dense_weight[e, v] * np.float64(value[row, v])
             if total > best:
                 best, kind, which = total, 1, d
-        for j in range(p.row[level, v], p.row[level, v + 1]):
-            total = s.rows.reward[j]
-            for e in range(s.rows.first[j], s.rows.first[j + 1]):
-                row = row_of(above, cell + s.rows.step[e])
-                total += s.rows.weight[e] * np.float64(above.value[row, s.rows.visible[e]])
+        for j in range(own[level, v], own[level, v + 1]):
+            total = reward[j]
+            for e in range(first[j], first[j + 1]):
+                row = row_of(table, held, cell + step[e])
+                row = row if row >= 0 else made(above, cell + step[e])
+                total += weight[e] * np.float64(value[row, visible[e]])
             if total > best:
                 best, kind, which = total, 2, j
     if best == -np.inf:

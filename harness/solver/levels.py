@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.model.tables import inlined
+from harness.model.tables import lean
 
 Point = tuple[float, ...]
 
@@ -73,7 +73,7 @@ def _ordered(points: list[Point]) -> list[Point]:
     return sorted([*certain, *others], key=lambda p: p[1]) if n == 2 else [*certain, *others]
 
 
-@inlined
+@lean
 def mixture(
     offset: NDArray[np.int64],
     point: NDArray[np.float64],

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.model.splitmix import next_uniform
-from harness.model.tables import compiled, inlined
+from harness.model.tables import compiled, inlined, lean
 from harness.solver.branches import Branches
-from harness.solver.grid import Above, mixed, spread, widest
-from harness.solver.levels import mixture
+from harness.solver.grid import Above, Parts, dropped, mixed, parts_of, roundings, spread, widest, write_parts
+from harness.solver.plans import Plans
 
 SNAP = float(2**43)
 """Posteriors are multiples of one over this."""
@@ -22,25 +22,25 @@ class Model(NamedTuple):
 
     branches: Branches
     above: Above
-    quick: Above
-    """The whole grid below a sparse one: looser, and quickly asked"""
     floor: NDArray[np.float64]
     """(V,) what can be had whatever is hidden"""
     slack: float
+    plans: Plans
 
 
-@inlined
+@lean
 def posterior(
     b: Branches, i: int, n: int, k: int, before: NDArray[np.float64], first: int, after: NDArray[np.float64]
 ) -> float:
     """Write the factor's belief after branch ``i``, in multiples of 1/SNAP, to ``after[first:]``; its probability."""
+    matrix = b.matrix
     total, start = 0.0, b.branch[i].matrix
     if k < 0:
-        return b.matrix[start]
+        return matrix[start]
     for xp in range(n):
         p = 0.0
         for x in range(n):
-            p += b.matrix[start + xp * n + x] * before[first + x]
+            p += matrix[start + xp * n + x] * before[first + x]
         after[first + xp] = p
         total += p
     if total > 0.0:
@@ -53,53 +53,87 @@ def posterior(
     return total
 
 
-@compiled
-def action_value(b: Branches, above: Above, v: int, belief: NDArray[np.float64], a: int) -> float:
-    """A grid's upper bound of an action at visible value ``v`` and an exact belief (N,)."""
+class Scratch(NamedTuple):
+    """A belief as mixtures of levels, and what looking ahead from it writes to."""
+
+    parts: Parts
+    cells: NDArray[np.int64]
+    weights: NDArray[np.float64]
+    after: NDArray[np.float64]
+
+
+@inlined
+def scratch_of(b: Branches, above: Above, belief: NDArray[np.float64], fine: bool) -> Scratch:
+    """For an exact belief (N,), on the grid (``fine``) or its base."""
+    parts = parts_of(above, b.factor_offset, belief, fine)
+    size = widest(parts)
+    return Scratch(parts, np.empty(size, dtype=np.int64), np.empty(size), belief.copy())
+
+
+@lean
+def ahead(b: Branches, above: Above, v: int, belief: NDArray[np.float64], a: int, s: Scratch, fine: bool) -> float:
+    """The base's bound of an action's next beliefs, discounted, or (``fine``) how much lower the sparse grid's is."""
+    across, cells, weights, inexact, own = above.across, s.cells, s.weights, roundings(above), len(above.stride)
     va = v * b.n_actions + a
     k = b.factor[va]
     n = 1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]
     first = 0 if k < 0 else b.factor_offset[k]
-    size = widest(above, b.factor_offset, belief)
-    cells, weights, after = np.empty(size, dtype=np.int64), np.empty(size), belief.copy()
-    level, share = np.zeros(above.point.shape[1] + 1, dtype=np.int64), np.zeros(above.point.shape[1] + 1)
-    count, total = spread(above, b.factor_offset, belief, k, cells, weights), 0.0
-    for x in range(n):
-        total += (1.0 if k < 0 else belief[first + x]) * b.reward[b.first_row[va] + x]
+    count, total, steps, shares, parts = spread(s.parts, k, cells, weights), 0.0, s.parts.step, s.parts.share, 1
+    steps[own, 0], shares[own, 0] = 0, 1.0
     for j in range(b.first_branch[va], b.first_branch[va + 1]):
-        p = posterior(b, j, n, k, belief, first, after)
+        p = posterior(b, j, n, k, belief, first, s.after)
         if p > 0.0 and not b.branch[j].ends:
-            level[0], share[0], parts = 0, 1.0, 1
             if k >= 0:
-                parts = mixture(above.offset, above.point, k, n, after, first, level, share)
+                write_parts(above, b.factor_offset, s.after, (k, k + 1), fine, s.parts, own)
+                parts = s.parts.counts[own]
             for e in range(parts):
-                shift = 0 if k < 0 else level[e] * above.stride[k]
-                total += b.discount * p * share[e] * mixed(above, cells, weights, count, shift, b.branch[j].visible)
+                if fine:
+                    there = dropped(above, cells, weights, count, steps[own, e], b.branch[j].visible)
+                else:
+                    there = mixed(across, cells, weights, count, steps[own, e], b.branch[j].visible, inexact)
+                total += b.discount * p * shares[own, e] * there
+    for x in range(n if k >= 0 else 0):
+        s.after[first + x] = belief[first + x]
+    return total
+
+
+@lean
+def expected_reward(b: Branches, v: int, belief: NDArray[np.float64], a: int) -> float:
+    """Of an action at visible value ``v`` and an exact belief (N,)."""
+    k, row, total = b.factor[v * b.n_actions + a], b.first_row[v * b.n_actions + a], 0.0
+    for x in range(1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]):
+        total += (1.0 if k < 0 else belief[b.factor_offset[k] + x]) * b.reward[row + x]
     return total
 
 
 @compiled
 def look_ahead(b: Branches, above: Above, v: int, belief: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-    """Write a grid's upper bounds of all actions (A,)."""
+    """Write the base's upper bounds of all actions (A,) at visible value ``v`` and an exact belief (N,)."""
+    s = scratch_of(b, above, belief, False)
     for a in range(len(values)):
-        values[a] = action_value(b, above, v, belief, a)
+        values[a] = expected_reward(b, v, belief, a) + ahead(b, above, v, belief, a, s, False)
+
+
+@compiled
+def action_value(b: Branches, above: Above, v: int, belief: NDArray[np.float64], a: int) -> float:
+    """The sparse grid's upper bound of one action."""
+    total = expected_reward(b, v, belief, a)
+    total += ahead(b, above, v, belief, a, scratch_of(b, above, belief, False), False)
+    return total - ahead(b, above, v, belief, a, scratch_of(b, above, belief, True), True)
 
 
 @compiled
 def sensitivity(b: Branches, above: Above, v: int, belief: NDArray[np.float64], spans: NDArray[np.float64]) -> None:
-    """Write how much it is worth to know each factor (K,): the grid's values over its own, most less least."""
-    size = widest(above, b.factor_offset, belief)
-    cells, weights = np.empty(size, dtype=np.int64), np.empty(size)
-    level, share = np.zeros(above.point.shape[1] + 1, dtype=np.int64), np.zeros(above.point.shape[1] + 1)
+    """Write how much it is worth to know each factor (K,): the base's values over its own, most less least."""
+    s, own = scratch_of(b, above, belief, False), len(spans)
     for k in range(len(spans)):
-        n = b.factor_offset[k + 1] - b.factor_offset[k]
-        count = spread(above, b.factor_offset, belief, k, cells, weights)
-        low, high, corner = np.inf, -np.inf, np.zeros(n)
-        for x in range(n):
-            corner[:] = 0.0
-            corner[x] = 1.0
-            mixture(above.offset, above.point, k, n, corner, 0, level, share)
-            known = mixed(above, cells, weights, count, level[0] * above.stride[k], v)
+        count, low, high = spread(s.parts, k, s.cells, s.weights), np.inf, -np.inf
+        first, last = b.factor_offset[k], b.factor_offset[k + 1]
+        for x in range(first, last):
+            s.after[first:last] = 0.0
+            s.after[x] = 1.0
+            write_parts(above, b.factor_offset, s.after, (k, k + 1), False, s.parts, own)
+            known = mixed(above.across, s.cells, s.weights, count, s.parts.step[own, 0], v, roundings(above))
             low, high = min(low, known), max(high, known)
         spans[k] = high - low
 

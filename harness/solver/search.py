@@ -3,7 +3,7 @@
 A node is a visible value with the marginals of all factors: an exact belief, as factors are independent. It holds a
 lower and an upper bound of V*. A trial follows the action of the highest upper bound and the branch whose bounds are
 furthest apart in expectation, until they are close, and backs up what it passed. Leaves have the product grid's value
-above (:mod:`harness.solver.grid`) and below what can be had whatever is hidden (:func:`harness.solver.floor.robust`).
+above (:mod:`harness.solver.grid`) and below what a blind plan earns (:mod:`harness.solver.plans`).
 
 **Rounding.** The posterior of a step is rounded to multiples of 2⁻⁴³, so that beliefs reached in another order of
 readings are the same node. A node's belief is what it holds: V* there and V* at the exact posterior differ by no more
@@ -19,10 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.model.tables import compiled, inlined
+from harness.model.tables import compiled, lean
 from harness.solver.branches import Branches
 from harness.solver.grid import grid_value
-from harness.solver.lookahead import SNAP, Model, action_value, look_ahead, posterior
+from harness.solver.lookahead import SNAP, Model, action_value, expected_reward, look_ahead, posterior
+from harness.solver.plans import LONGEST, follow
 
 ENDS, NEVER = -1, -2
 """Children that are none: the episode ends; the branch has no probability."""
@@ -42,7 +43,7 @@ class Graph(NamedTuple):
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     action: NDArray[np.int16]
-    """(M,) that gave the lower bound; −1: by visible value alone."""
+    """(M,) that gave the lower bound; −1: the blind plan."""
     ahead: NDArray[np.float64]
     """(M, A) upper bound of each action; inf where not looked at yet."""
     looked: NDArray[np.bool_]
@@ -103,7 +104,7 @@ def _rehash(g: Graph) -> None:
         g.table[slot] = i
 
 
-@inlined
+@lean
 def _hash(v: int, belief: NDArray[np.float64]) -> np.int64:
     h = np.uint64(v) * np.uint64(0x9E3779B97F4A7C15)
     for x in range(len(belief)):
@@ -132,16 +133,17 @@ def node_of(g: Graph, m: Model, v: int, belief: NDArray[np.float64]) -> int:
     g.table[slot] = i
     g.visible[i] = v
     g.belief[i] = belief
-    g.lower[i] = m.floor[v]
-    g.upper[i] = max(m.floor[v], grid_value(m.above, m.branches.factor_offset, v, belief))
+    value, length = follow(m.branches, m.plans, m.floor, v, belief, np.empty((LONGEST, 2), dtype=np.int32))
+    g.lower[i] = value - m.slack if length > 0 else value
+    g.upper[i] = max(g.lower[i], grid_value(m.above, m.branches.factor_offset, v, belief))
     return int(i)
 
 
 @compiled
 def _look(g: Graph, m: Model, i: int) -> None:
-    """Upper bounds of all actions of node ``i`` from the quick grid one step ahead."""
+    """Upper bounds of all actions of node ``i`` from the base one step ahead."""
     values = np.empty(m.branches.n_actions)
-    look_ahead(m.branches, m.quick, g.visible[i], g.belief[i], values)
+    look_ahead(m.branches, m.above, g.visible[i], g.belief[i], values)
     for a in range(len(values)):
         g.ahead[i, a] = min(g.ahead[i, a], values[a] + m.slack)
         g.sharp[i, a] = len(m.above.table) == 0
@@ -150,7 +152,7 @@ def _look(g: Graph, m: Model, i: int) -> None:
 
 @compiled
 def _best(g: Graph, m: Model, i: int) -> int:
-    """The action of the highest upper bound, when the sharper grid has been asked of all that were higher."""
+    """The action of the highest upper bound, when the sparse grid has been asked of all that were higher."""
     while True:
         best = int(np.argmax(g.ahead[i]))
         if g.sharp[i, best] or g.first_edge[i, best] >= 0:
@@ -187,30 +189,29 @@ def _expand(g: Graph, m: Model, i: int, a: int) -> None:
 @compiled
 def _backup(g: Graph, m: Model, i: int) -> None:
     """Bounds of node ``i`` from its children, as far as its actions have any."""
-    b, slack = m.branches, m.slack
-    v = g.visible[i]
+    b, slack, discount = m.branches, m.slack, m.branches.discount
+    first_edge, child, probability, lower, upper, ahead = (
+        g.first_edge, g.child, g.probability, g.lower, g.upper, g.ahead
+    )  # fmt: skip
+    v, first_branch = g.visible[i], b.first_branch
     for a in range(b.n_actions):
-        edge = g.first_edge[i, a]
+        edge = first_edge[i, a]
         if edge >= 0:
             va = v * b.n_actions + a
-            k, row = b.factor[va], b.first_row[va]
-            low = 0.0
-            for x in range(1 if k < 0 else b.factor_offset[k + 1] - b.factor_offset[k]):
-                low += (1.0 if k < 0 else g.belief[i, b.factor_offset[k] + x]) * b.reward[row + x]
-            high = low
-            for e in range(edge, edge + b.first_branch[va + 1] - b.first_branch[va]):
-                c = g.child[e]
+            low = high = expected_reward(b, v, g.belief[i], a)
+            for e in range(edge, edge + first_branch[va + 1] - first_branch[va]):
+                c = child[e]
                 if c >= 0:
-                    low += b.discount * g.probability[e] * g.lower[c]
-                    high += b.discount * g.probability[e] * g.upper[c]
-            g.ahead[i, a] = min(g.ahead[i, a], high + slack)
-            if low - slack > g.lower[i]:
-                g.lower[i], g.action[i] = low - slack, a
-    g.upper[i] = min(g.upper[i], max(g.ahead[i, _best(g, m, i)] + slack, g.lower[i]))
+                    low += discount * probability[e] * lower[c]
+                    high += discount * probability[e] * upper[c]
+            ahead[i, a] = min(ahead[i, a], high + slack)
+            if low - slack > lower[i]:
+                lower[i], g.action[i] = low - slack, a
+    upper[i] = min(upper[i], max(ahead[i, _best(g, m, i)] + slack, lower[i]))
 
 
 @compiled
-def _kept(g: Graph, b: Branches) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def kept(g: Graph, b: Branches) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Nodes that the lower bound's policy can reach, the root first, and (M,) their places among them; −1: not."""
     place = np.full(g.counts[N_NODES], -1, dtype=np.int64)
     order = [np.int64(0)]
@@ -249,15 +250,15 @@ def _keep_edges(g: Graph, b: Branches, order: NDArray[np.int64], place: NDArray[
 
 def pruned(graph: Graph, b: Branches) -> Graph:
     """The nodes of the lower bound's policy alone: what a looser upper bound made the search look at is forgotten."""
-    order, place = _kept(graph, b)
-    kept = empty(b, len(graph.visible), len(graph.child))
+    order, place = kept(graph, b)
+    held = empty(b, len(graph.visible), len(graph.child))
     for name in ("visible", "belief", "lower", "upper", "action", "ahead"):
-        getattr(kept, name)[: len(order)] = getattr(graph, name)[order]
-    kept.counts[:] = graph.counts
-    kept.counts[N_NODES] = len(order)
-    _keep_edges(graph, b, order, place, kept)
-    _rehash(kept)
-    return kept
+        getattr(held, name)[: len(order)] = getattr(graph, name)[order]
+    held.counts[:] = graph.counts
+    held.counts[N_NODES] = len(order)
+    _keep_edges(graph, b, order, place, held)
+    _rehash(held)
+    return held
 
 
 @compiled

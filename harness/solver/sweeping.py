@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from harness.model.tables import compiled, inlined
 from harness.solver.backups import Backups, Rows
-from harness.solver.grid import UP, Above, row_of
+from harness.solver.grid import UP, Above, made, row_of
 from harness.solver.levels import Levels
 
 _ABREAST = 16
@@ -49,6 +49,7 @@ def sweep(above: Above, s: Backups, cells: NDArray[Any], floor: NDArray[np.float
     """
     V = above.value.shape[1]
     now, best, dense = np.zeros((V, _ABREAST)), np.zeros(V), np.zeros(V)
+    value, table, held = above.value, above.table, above.cell
     slack = 1e-12 * (1.0 + np.abs(floor).max())
     for begin in range(0, len(cells), _ABREAST):
         count = min(_ABREAST, len(cells) - begin)
@@ -59,59 +60,68 @@ def sweep(above: Above, s: Backups, cells: NDArray[Any], floor: NDArray[np.float
                 now[v, c] = best[v]
         excess = slack + _move(s.moves, now) / (1.0 - discount)
         for c in range(count):
-            mine = above.value[row_of(above, cells[begin + c])]
+            mine = row_of(table, held, cells[begin + c])
+            mine = mine if mine >= 0 else made(above, cells[begin + c])
             for v in range(V):
                 new = now[v, c] + excess
-                mine[v] = min(mine[v], np.float32(new + UP * abs(new)))
+                value[mine, v] = min(value[mine, v], np.float32(new + UP * abs(new)))
 
 
 @inlined
 def _touch(above: Above, s: Backups, cell: int, best: NDArray[np.float64], scratch: NDArray[np.float64]) -> None:
     """Raise ``best`` (V,) to the best of what touches a factor."""
-    r, rest = s.rows, cell
-    for k in range(len(above.stride)):
-        place = rest // above.stride[k]
-        rest -= place * above.stride[k]
-        level = above.offset[k] + place
-        for d in range(s.block[level], s.block[level + 1]):
-            reward = s.dense_reward[d]
+    value, table, held, stride, offset = above.value, above.table, above.cell, above.stride, above.offset
+    block, dense_reward, dense_first, dense_step, dense_weight = (
+        s.block, s.dense_reward, s.dense_first, s.dense_step, s.dense_weight
+    )  # fmt: skip
+    group, at, reward, first, visible, step, weight = (
+        s.group, s.rows.at, s.rows.reward, s.rows.first, s.rows.visible, s.rows.step, s.rows.weight
+    )  # fmt: skip
+    rest = cell
+    for k in range(len(stride)):
+        place = rest // stride[k]
+        rest -= place * stride[k]
+        level = offset[k] + place
+        for d in range(block[level], block[level + 1]):
             for v in range(len(best)):
-                scratch[v] = reward[v]
-            for e in range(s.dense_first[d], s.dense_first[d + 1]):
-                there = above.value[row_of(above, cell + s.dense_step[e])]
-                weight = s.dense_weight[e]
+                scratch[v] = dense_reward[d, v]
+            for e in range(dense_first[d], dense_first[d + 1]):
+                row = row_of(table, held, cell + dense_step[e])
+                row = row if row >= 0 else made(above, cell + dense_step[e])
                 for v in range(len(best)):
-                    scratch[v] += weight[v] * np.float64(there[v])
+                    scratch[v] += dense_weight[e, v] * np.float64(value[row, v])
             for v in range(len(best)):
                 best[v] = scratch[v] if scratch[v] > best[v] else best[v]
-        for j in range(s.group[level], s.group[level + 1]):
-            total = r.reward[j]
-            for e in range(r.first[j], r.first[j + 1]):
-                total += r.weight[e] * np.float64(above.value[row_of(above, cell + r.step[e]), r.visible[e]])
-            best[r.at[j]] = max(best[r.at[j]], total)
+        for j in range(group[level], group[level + 1]):
+            total = reward[j]
+            for e in range(first[j], first[j + 1]):
+                row = row_of(table, held, cell + step[e])
+                row = row if row >= 0 else made(above, cell + step[e])
+                total += weight[e] * np.float64(value[row, visible[e]])
+            best[at[j]] = max(best[at[j]], total)
 
 
 @inlined
 def _move(m: Rows, now: NDArray[np.float64]) -> float:
     """Raise ``now`` (V, _ABREAST) by the moves that touch no factor until nothing rises; by how much it did last."""
+    at, rewards, first, visible, weights = m.at, m.reward, m.first, m.visible, m.weight
     change, passes = _TOLERANCE + 1.0, 0
     rise, total = np.zeros(_ABREAST), np.zeros(_ABREAST)
     while change > _TOLERANCE and passes < 10_000:
         rise[:] = 0.0
-        for i in range(len(m.at)):
-            j = i if passes % 2 == 0 else len(m.at) - 1 - i
-            mine, e = now[m.at[j]], m.first[j]
-            there, weight, reward = now[m.visible[e]], m.weight[e], m.reward[j]
+        for i in range(len(at)):
+            j = i if passes % 2 == 0 else len(at) - 1 - i
+            mine, there, weight, reward = at[j], visible[first[j]], weights[first[j]], rewards[j]
             for c in range(_ABREAST):
-                total[c] = reward + weight * there[c]
-            for e in range(m.first[j] + 1, m.first[j + 1]):
-                there, weight = now[m.visible[e]], m.weight[e]
+                total[c] = reward + weight * now[there, c]
+            for e in range(first[j] + 1, first[j + 1]):
+                there, weight = visible[e], weights[e]
                 for c in range(_ABREAST):
-                    total[c] += weight * there[c]
+                    total[c] += weight * now[there, c]
             for c in range(_ABREAST):
-                up = total[c] - mine[c]
+                up = total[c] - now[mine, c]
                 rise[c] = up if up > rise[c] else rise[c]
-                mine[c] = total[c] if up > 0.0 else mine[c]
+                now[mine, c] = total[c] if up > 0.0 else now[mine, c]
         change = rise.max()
         passes += 1
     return change
