@@ -160,6 +160,16 @@ class Domain:
         return from_arrays(self.arrays, self.n_actions, self.factor_offset, self.shapings.index(self.shaping))
 
     @cached_property
+    def legality(self) -> NDArray[np.int8]:
+        """(V, A) 1 where an action is legal whatever is hidden, 0 where it is not, −1 where the belief decides."""
+        first, factor = self.arrays["first_row"].astype(np.int64), self.arrays["factor"]
+        count = np.where(factor < 0, 1, np.array([*self.factor_sizes, 1])[factor])
+        before = np.concatenate([[0], np.cumsum(self.arrays["legal"])])
+        legal = before[np.where(first < 0, 0, first + count)] - before[np.maximum(first, 0)]
+        decided = np.where(legal == count, 1, np.where(legal <= 0, 0, -1))
+        return decided.astype(np.int8).reshape(self.n_visible, self.n_actions)
+
+    @cached_property
     def model_hash(self) -> str:
         """SHA-256 of all that decides the domain's behaviour; policies record the one they were solved for."""
         record = [self.discount, self.actions, self.observations, self.factor_labels, self.features, self.shapings]

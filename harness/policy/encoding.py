@@ -1,0 +1,112 @@
+"""What an agent that learns is shown of an episode: a vector of numbers from 0 to 1.
+
+The environments of :mod:`harness.gym` and the policies of :mod:`harness.policy.agent` share it, so that an agent plays
+on exactly what it was trained on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.engine.batch import Batch
+from harness.errors import HarnessError, nearest, quoted
+from harness.model.domain import Domain
+from harness.model.tables import compiled
+
+KINDS = ("reading", "action-reading", "belief")
+"""What an encoding may hold, besides the visible part."""
+
+
+class Encoding:
+    """Episodes as vectors of D float32 numbers in [0, 1].
+
+    In order: for ``action-reading`` the last action, one-hot (A numbers, all 0 before the first); for it and
+    ``reading`` the last observation, one-hot (O numbers, all 0 where there is none yet); for ``belief`` the domain's
+    F belief features. Then for every kind the visible part: its numbers, each scaled to [0, 1] by its least and
+    greatest value in the domain.
+    """
+
+    def __init__(self, kind: str, domain: Domain) -> None:
+        """``kind``: one of :data:`KINDS`.
+
+        Raises:
+            HarnessError: there is no such kind.
+        """
+        if kind not in KINDS:
+            raise HarnessError(f"no observation {quoted(kind)}{nearest(kind, KINDS)} (known: {', '.join(KINDS)})")
+        self.kind, self.domain = kind, domain
+        self._actions = domain.n_actions if kind == "action-reading" else 0
+        self._readings = 0 if kind == "belief" else domain.n_observations
+        self._columns = domain.feature_columns if kind == "belief" else domain.feature_columns[:0]
+        self._visible = _scaled(domain.visible_values)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(D,) what each number is."""
+        domain = self.domain
+        features = [name for name, _, _ in domain.features] if self.kind == "belief" else []
+        return (
+            *(f"did {action}" for action in domain.actions[: self._actions]),
+            *(f"read {reading}" for reading in domain.observations[: self._readings]),
+            *features,
+            *domain.visible_names,
+        )
+
+    @property
+    def size(self) -> int:
+        """Number D."""
+        return self._actions + self._readings + len(self._columns) + self._visible.shape[1]
+
+    def __call__(self, batch: Batch, last: NDArray[np.int32]) -> NDArray[np.float32]:
+        """(E, D) of a batch, a new array; ``last`` (E,): the last actions, −1 before the first.
+
+        Raises:
+            PolicyError: the belief is to be shown, and the engine left it out.
+        """
+        marginals = batch.tracked() if self.kind == "belief" else batch.marginals
+        out = np.empty((batch.size, self.size), dtype=np.float32)
+        _encode(
+            last,
+            self._actions,
+            batch.observation,
+            self._readings,
+            marginals,
+            self._columns,
+            batch.visible,
+            self._visible,
+            out,
+        )
+        return out
+
+
+def _scaled(values: NDArray[np.int16]) -> NDArray[np.float32]:
+    low, high = values.min(axis=0).astype(np.float64), values.max(axis=0)
+    return ((values - low) / np.maximum(high - low, 1)).astype(np.float32)
+
+
+@compiled
+def _encode(
+    last: NDArray[np.int32],
+    n_actions: int,
+    observation: NDArray[np.int32],
+    n_readings: int,
+    marginals: NDArray[np.float64],
+    columns: NDArray[np.int64],
+    visible: NDArray[np.int32],
+    scaled: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
+    for e in range(len(visible)):
+        for i in range(n_actions + n_readings):
+            out[e, i] = 0.0
+        if n_actions > 0 and last[e] >= 0:
+            out[e, last[e]] = 1.0
+        if n_readings > 0 and observation[e] >= 0:
+            out[e, n_actions + observation[e]] = 1.0
+        at = n_actions + n_readings
+        for i in range(len(columns)):
+            out[e, at + i] = marginals[e, columns[i]]
+        at += len(columns)
+        for i in range(scaled.shape[1]):
+            out[e, at + i] = scaled[visible[e], i]
