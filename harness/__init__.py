@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from harness.play.conformance import ConformanceError, check_domain, check_policy
     from harness.play.evaluation import Evaluation, Score, evaluate
     from harness.policy import Policy
+    from harness.policy.agent import AgentPolicy, LogitsPolicy
     from harness.registry import load, names
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
@@ -37,12 +38,14 @@ if TYPE_CHECKING:
     from harness.tuning.figures import sweep_figure
 
 __all__ = [
+    "AgentPolicy",
     "Batch",
     "ConformanceError",
     "Domain",
     "Evaluation",
     "HarnessError",
     "JuliaError",
+    "LogitsPolicy",
     "Policy",
     "PolicyError",
     "Score",
@@ -75,12 +78,14 @@ __all__ = [
 ]
 
 _HOME = {
+    "AgentPolicy": "policy.agent",
     "Batch": "engine.batch",
     "ConformanceError": "play.conformance",
     "Domain": "model.domain",
     "Evaluation": "play.evaluation",
     "HarnessError": "errors",
     "JuliaError": "errors",
+    "LogitsPolicy": "policy.agent",
     "Policy": "policy",
     "PolicyError": "errors",
     "Score": "play.evaluation",

@@ -18,6 +18,16 @@ KINDS = ("reading", "action-reading", "belief")
 """What an encoding may hold, besides the visible part."""
 
 
+def check_kind(kind: str) -> None:
+    """Check that ``kind`` is one of :data:`KINDS`.
+
+    Raises:
+        HarnessError: it is none.
+    """
+    if kind not in KINDS:
+        raise HarnessError(f"no observation {quoted(kind)}{nearest(kind, KINDS)} (known: {', '.join(KINDS)})")
+
+
 class Encoding:
     """Episodes as vectors of D float32 numbers in [0, 1].
 
@@ -33,8 +43,7 @@ class Encoding:
         Raises:
             HarnessError: there is no such kind.
         """
-        if kind not in KINDS:
-            raise HarnessError(f"no observation {quoted(kind)}{nearest(kind, KINDS)} (known: {', '.join(KINDS)})")
+        check_kind(kind)
         self.kind, self.domain = kind, domain
         self._actions = domain.n_actions if kind == "action-reading" else 0
         self._readings = 0 if kind == "belief" else domain.n_observations
