@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from harness.bridge import from_model
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
+    from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
     from harness.play.conformance import ConformanceError, check_domain, check_policy
@@ -43,6 +44,7 @@ __all__ = [
     "ConformanceError",
     "Domain",
     "Evaluation",
+    "Evaluator",
     "HarnessError",
     "JuliaError",
     "LogitsPolicy",
@@ -83,6 +85,7 @@ _HOME = {
     "ConformanceError": "play.conformance",
     "Domain": "model.domain",
     "Evaluation": "play.evaluation",
+    "Evaluator": "ge.evaluator",
     "HarnessError": "errors",
     "JuliaError": "errors",
     "LogitsPolicy": "policy.agent",
