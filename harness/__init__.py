@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from harness.play.evaluation import Evaluation, Score, evaluate
     from harness.policy import Policy
     from harness.policy.agent import AgentPolicy, LogitsPolicy
+    from harness.policy.controller import Controller
     from harness.registry import load, names
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
@@ -42,6 +43,7 @@ __all__ = [
     "AgentPolicy",
     "Batch",
     "ConformanceError",
+    "Controller",
     "Domain",
     "Evaluation",
     "Evaluator",
@@ -83,6 +85,7 @@ _HOME = {
     "AgentPolicy": "policy.agent",
     "Batch": "engine.batch",
     "ConformanceError": "play.conformance",
+    "Controller": "policy.controller",
     "Domain": "model.domain",
     "Evaluation": "play.evaluation",
     "Evaluator": "ge.evaluator",

@@ -64,7 +64,8 @@ def test_an_encoding_is_what_it_says(rocksample, hidden):
         place = (domain.visible_values[batch.visible] - low) / (high - low)
         read = np.eye(domain.n_observations)[batch.observation]
         did = np.eye(domain.n_actions)[last] * (last >= 0)[:, None]
-        for kind, parts in (("belief", [batch.features]), ("reading", [read]), ("action-reading", [did, read])):
+        shown = {"belief": [batch.features], "marginals": [batch.marginals], "reading": [read]}
+        for kind, parts in (shown | {"action-reading": [did, read]}).items():
             encoding = Encoding(kind, domain)
             found = encoding(batch, last)
             assert np.allclose(found, np.hstack([*parts, place]), atol=1e-7)

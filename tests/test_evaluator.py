@@ -56,6 +56,18 @@ def test_codons_are_mapped_as_evolve_maps_them(rocksample, small):
     assert "does not end" in evaluate.fault(codons[~ended][0])
 
 
+def test_policies_return_what_evaluate_says(rocksample, small):
+    """A finite-state controller among programs."""
+    policy = harness.Controller([11, 1, 4], [[1, 1, 2], [1, 1, 1], [1, 1, 1]])
+    evaluate = harness.Evaluator(rocksample, **small)
+    returns = evaluate.returns(["right()", policy, "no program("], first=30)
+    assert (returns[1] == wanted(rocksample, policy, 30)).all()
+    assert (returns[0] == evaluate.returns(["right()"], first=30)[0]).all()
+    assert (returns[2] == -np.inf).all()
+    assert evaluate.text(policy) == "controller"
+    assert evaluate.fault(policy) is None
+
+
 def test_vectors_play_a_tunable_policy(rocksample, small):
     evaluate = harness.Evaluator(rocksample, policy="thresholds", **small)
     points = [evaluate.subject.start, [0.9, 0.2, 0.9, 0.7, 0.8]]

@@ -10,7 +10,8 @@ from harness.engine import rng
 from harness.engine.philox import uniform
 from harness.errors import HarnessError
 from harness.model.tables import compiled
-from harness.policy.encoding import Encoding
+from harness.policy.encoding import KINDS, Encoding
+from tests import models
 
 gymnasium = pytest.importorskip("gymnasium", reason="needs Gymnasium")
 
@@ -130,11 +131,11 @@ def test_every_domain_is_registered_and_passes_gymnasium_s_checks(name):
     domain = harness.load(name)
     known = pomdp_gym.environment_id(domain)
     assert known.endswith(f"-v{domain.version}")
-    for kind in ("belief", "reading", "action-reading"):
+    for kind in KINDS:
         env = gymnasium.make(known, observation=kind).unwrapped
         assert env.domain == domain
         assert env.observation_space.shape == (len(env.encoding.names),)
-        check_env(env, skip_render_check=kind != "belief")
+        check_env(env, skip_render_check=kind != "reading" or name != "rocksample-7x8")
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -180,3 +181,117 @@ def test_what_it_returns_is_what_gymnasium_s_own_returns(mode):
         seen, reward, ended, cut, info = ours.step(actions)
         assert (reward[0], ended[0], cut[0]) == (0, False, False)
         assert info["episode_number"].tolist() == [4, 1, 2, 3]
+
+
+def test_the_mask_is_what_is_legal_and_everything_once_over(rocksample):
+    env = pomdp_gym.PomdpVectorEnv(rocksample, 2)
+    mask = env.reset(seed=0)[1]["action_mask"]
+    assert mask.dtype == np.int8
+    assert [rocksample.actions[a] for a in np.flatnonzero(1 - mask[0])] == ["left()"]
+    for _ in range(7):
+        _, _, ended, _, info = env.step([1, 4])  # lane 0 walks out of the grid
+    assert ended.tolist() == [True, False]
+    assert info["action_mask"][0].all()
+
+
+@pytest.mark.parametrize("mode", MODES[:2])
+def test_gymnasium_s_own_statistics_are_of_the_same_episodes(rocksample, mode):
+    """Its wrapper for vector environments reads ends and autoreset by itself."""
+    policy = Hashing(rocksample, "belief")
+    env = gymnasium.make_vec(ROCKS, num_envs=4, autoreset_mode=mode)
+    env = gymnasium.wrappers.vector.RecordEpisodeStatistics(env)
+    seen, info = env.reset(seed=6)
+    found, number = {}, info["episode_number"]
+    while len(found) < 12:
+        seen, _, _, _, info = env.step(policy.choose(seen))
+        if "episode" in info:
+            over = info["_episode"]
+            found |= dict(zip(number[over].tolist(), info["episode"]["r"][over].tolist(), strict=True))
+        number = info["episode_number"]
+    wanted = harness.evaluate(rocksample, policy, episodes=max(found) + 1, seed=6, engine="tables").returns
+    assert [found[k] for k in found] == [wanted[k] for k in found]
+
+
+def test_a_seed_of_nobody_s_choice_is_never_one_that_scores():
+    env, other = (pomdp_gym.PomdpVectorEnv("rocksample-7x8", 3) for _ in range(2))
+    for each in (env, other):
+        each.reset()
+        for part in each._parts:
+            assert (part.lanes.seed >= rng.TRAINING).all()
+            assert (part.lanes.seed < rng.REFINEMENT).all()
+    assert env._parts[0].lanes.seed[0] != other._parts[0].lanes.seed[0]
+
+
+def test_some_lanes_can_be_reset(rocksample):
+    env = pomdp_gym.PomdpVectorEnv(rocksample, 3, autoreset_mode="Disabled")
+    env.reset(seed=1)
+    _, info = env.reset(seed=1, options={"reset_mask": np.array([False, True, False]), "first": 70})
+    assert info["episode_number"].tolist() == [0, 71, 2]
+    _, info = env.reset(options={"reset_mask": np.array([True, True, False])})
+    assert info["episode_number"].tolist() == [3, 74, 2]
+    assert env.reset()[1]["episode_number"].tolist() == [6, 77, 5]
+
+
+@pytest.mark.parametrize("name", ["rocksample-7x8", "bordercross-7x8", "bordercross-7x8-random"])
+def test_pictures_change_with_what_is_known(name):
+    """By a text and by a picture, also where nothing is hidden, and after the end."""
+    for mode in ("ansi", "rgb_array"):
+        env = pomdp_gym.PomdpVectorEnv(name, 2, render_mode=mode)
+        env.reset(seed=0)
+        first = env.render()
+        env.step([env.domain.n_actions - 1, 1])
+        second = env.render()
+        assert len(first) == len(second) == 2
+        assert not np.array_equal(first[1], second[1])
+        if mode == "ansi":
+            assert "R" in first[0] or "1" in first[0]
+        else:
+            assert first[0].ndim == 3
+            assert first[0].shape[2] == 3
+            assert first[0].dtype == np.uint8
+    single = pomdp_gym.PomdpEnv(name, render_mode="rgb_array", horizon=1)
+    single.reset(seed=0)
+    single.step(0)
+    assert single.render().shape == first[0].shape
+    assert pomdp_gym.PomdpEnv(name).render() is None
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: pomdp_gym.PomdpEnv("rocksample-7x9"), "did you mean 'rocksample-7x8'"),
+        (lambda: pomdp_gym.PomdpEnv("rocksample-7x8", observation="belif"), "did you mean 'belief'"),
+        (lambda: pomdp_gym.PomdpEnv("rocksample-7x8", render_mode="human"), "no render mode 'human'"),
+        (lambda: pomdp_gym.PomdpEnv("rocksample-7x8", horizon=0), "horizon"),
+        (lambda: pomdp_gym.PomdpVectorEnv("rocksample-7x8", 0), "num_envs"),
+        (lambda: pomdp_gym.PomdpVectorEnv("rocksample-7x8", 2, autoreset_mode="Sometimes"), "known: NextStep"),
+        (lambda: pomdp_gym.PomdpEnv("rocksample-7x8").step(0), "call reset"),
+        (lambda: pomdp_gym.PomdpVectorEnv("rocksample-7x8", 2).step([0, 0]), "call reset"),
+        (lambda: started(pomdp_gym.PomdpEnv("rocksample-7x8")).step(13), "0 to 12"),
+        (lambda: started(pomdp_gym.PomdpVectorEnv("rocksample-7x8", 2)).step([0, 13]), "0 to 12"),
+        (lambda: started(pomdp_gym.PomdpVectorEnv("rocksample-7x8", 2)).step([0.0, 1.0]), "2 action indices"),
+        (lambda: started(pomdp_gym.PomdpVectorEnv("rocksample-7x8", 2)).step([0]), "2 action indices"),
+        (lambda: pomdp_gym.PomdpEnv("rocksample-7x8").reset(seed=2**64), "seed"),
+        (lambda: pomdp_gym.PomdpEnv("rocksample-7x8").reset(options={"first": -1}), "first"),
+        (lambda: pomdp_gym.PomdpVectorEnv("rocksample-7x8", 2).reset(options={"reset_mask": [True]}), "2 booleans"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_sentence(make, words):
+    with pytest.raises(HarnessError, match=words):
+        make()
+
+
+def started(env):
+    env.reset(seed=0)
+    return env
+
+
+def test_a_domain_of_one_s_own_is_an_environment(tmp_path):
+    domain = models.tiger()
+    env = gymnasium.make_vec(ROCKS, num_envs=3, domain=domain, render_mode="ansi")
+    env.reset(seed=0)
+    assert env.unwrapped.domain is domain
+    env.step([0, 0, 0])
+    assert "0." in env.render()[0]
+    with pytest.raises(HarnessError, match="no layout to draw"):
+        pomdp_gym.PomdpEnv(domain, render_mode="rgb_array")

@@ -62,8 +62,12 @@ class Lanes:
         """One lane as policies and drawings see it."""
         return _view(self.engine, slice(e, e + 1), int(self.seed[e]), int(self.number[e]), int(self.steps[e]))
 
+    def some(self, which: NDArray[np.bool_]) -> Batch:
+        """Those lanes where ``which`` (E,) is True, as they are now; its seed, first and step are no lane's."""
+        return _view(self.engine, which, 0, 0, 0)
 
-def _view(engine: TablesEngine, part: slice, seed: int, first: int, step: int) -> Batch:
+
+def _view(engine: TablesEngine, part: slice | NDArray[np.bool_], seed: int, first: int, step: int) -> Batch:
     return Batch(
         engine.domain,
         read_only(engine.visible[part]),

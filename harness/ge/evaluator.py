@@ -18,13 +18,14 @@ from harness.ge.mapping import derive
 from harness.ge.parameters import Parameters
 from harness.model.domain import Domain
 from harness.play import population
-from harness.play.evaluation import HORIZON, check_played
+from harness.play.evaluation import HORIZON, check_played, evaluate
+from harness.policy import Policy, named
 from harness.program import Program, ProgramError, parse, words_of
 from harness.tuning.method import Ask
 from harness.tuning.objective import SEEDS, Episodes
 from harness.tuning.tunable import Tunable, tunable
 
-Candidate: TypeAlias = "str | ArrayLike"
+Candidate: TypeAlias = "str | Policy | ArrayLike"
 _WRAPS = Parameters().max_wraps
 _LARGEST_CODON = 2**31 - 1
 
@@ -32,11 +33,11 @@ _LARGEST_CODON = 2**31 - 1
 class Evaluator:
     """A function from candidates to their fitness, the mean undiscounted return: more is better.
 
-    A candidate is a program's text; or with ``grammar`` a sequence of codons (whole numbers from 0), mapped as
-    :func:`harness.evolve` maps them; or with ``policy`` a vector of the numbers of a tunable policy, such as
-    ``thresholds`` or a :class:`harness.Tunable`. All candidates meet the same episodes: those of the range of seeds
-    that is kept for searches, which no evaluation plays. So score what was found by :func:`harness.evaluate`, on
-    episodes that it was not chosen by.
+    A candidate is a program's text, or a policy object, such as a finite-state :class:`harness.Controller`; or with
+    ``grammar`` a sequence of codons (whole numbers from 0), mapped as :func:`harness.evolve` maps them; or with
+    ``policy`` a vector of the numbers of a tunable policy, such as ``thresholds`` or a :class:`harness.Tunable`. All
+    candidates meet the same episodes: those of the range of seeds that is kept for searches, which no evaluation
+    plays. So score what was found by :func:`harness.evaluate`, on episodes that it was not chosen by.
 
     What is no program (a text that does not parse, codons whose derivation does not end) has the fitness −inf, and
     :meth:`fault` says why. An evaluator can be pickled and sent to other processes; the numbers do not depend on where
@@ -104,17 +105,20 @@ class Evaluator:
             raise HarnessError("candidates are a list: for one program give [text]")
         if self.subject is not None:
             return self._of_vectors(self.subject, candidates, first)
-        found = [self._program(self.text(candidate)) for candidate in candidates]
-        programs = [program for program in found if isinstance(program, Program)]
-        episodes = population.Episodes(rng.TRAINING + self.seed, first, self.episodes, self.horizon)
+        found = [self._playable(candidate) for candidate in candidates]
         returns = np.full((len(found), self.episodes), -np.inf)
+        programs = [i for i, each in enumerate(found) if isinstance(each, Program)]
         if programs:
-            played = population.play(self.domain, programs, episodes, workers=self.workers)
-            returns[[isinstance(program, Program) for program in found]] = played.returns
+            returns[programs] = self._of_programs([found[i] for i in programs], first)
+        for i, each in enumerate(found):
+            if isinstance(each, Policy):
+                returns[i] = self._of_policy(each, first)
         return returns
 
     def text(self, candidate: Candidate) -> str | None:
-        """What a candidate stands for: a program's text, or a policy string. None for codons without a program.
+        """What a candidate stands for: a program's text, a policy string, or the name of a policy object.
+
+        None for codons without a program.
 
         Raises:
             HarnessError: it is of no kind that this evaluator takes.
@@ -123,23 +127,45 @@ class Evaluator:
             return self.subject.text(self._points(self.subject, [candidate])[0])
         if isinstance(candidate, str):
             return candidate
+        if isinstance(candidate, Policy):
+            return named(candidate, self.domain)[0]
         if self.grammar is None:
             raise HarnessError(f"{quoted(candidate)} is no program's text, and without a grammar codons mean nothing")
         return derive(self.grammar, _codons(candidate), self.max_wraps).phenotype
 
     def fault(self, candidate: Candidate) -> str | None:
-        """Why a candidate is no program, in a sentence; None if it is one, and for vectors."""
-        text = self.text(candidate)
-        if text is None:
+        """Why a candidate is no program, in a sentence; None if it is one, and for vectors and policies."""
+        if self.subject is not None:
+            return None
+        found = self._playable(candidate)
+        if found is None:
             return f"the derivation does not end within {self.max_wraps} wraps of the codons"
-        found = None if self.subject is not None else self._program(text)
         return str(found) if isinstance(found, ProgramError) else None
 
-    def _program(self, text: str | None) -> Program | ProgramError | None:
+    def _playable(self, candidate: Candidate) -> Program | Policy | ProgramError | None:
+        if isinstance(candidate, Policy):
+            return candidate
+        text = self.text(candidate)
         try:
             return None if text is None else parse(text, words_of(self.domain))
         except ProgramError as error:
             return error
+
+    def _of_programs(self, programs: Sequence[Any], first: int) -> NDArray[np.float64]:
+        episodes = population.Episodes(rng.TRAINING + self.seed, first, self.episodes, self.horizon)
+        return population.play(self.domain, programs, episodes, workers=self.workers).returns
+
+    def _of_policy(self, policy: Policy, first: int) -> NDArray[np.float64]:
+        return evaluate(
+            self.domain,
+            policy,
+            episodes=self.episodes,
+            seed=rng.TRAINING + self.seed,
+            first=first,
+            horizon=self.horizon,
+            engine="tables",
+            workers=self.workers,
+        ).returns
 
     def _of_vectors(self, subject: Tunable, candidates: Any, first: int) -> NDArray[np.float64]:
         points = self._points(subject, candidates)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from harness import registry
 from harness.engine import rng
-from harness.engine.lanes import Lanes
+from harness.engine.batch import Batch
 from harness.errors import check_whole
 from harness.model.domain import Domain
 from harness.play.evaluation import check_played
@@ -60,11 +60,11 @@ def check_lanes(number: int) -> None:
     check_whole("num_envs", number, 1, 1 << 31)
 
 
-def action_mask(lanes: Lanes) -> NDArray[np.int8]:
+def action_mask(batch: Batch) -> NDArray[np.int8]:
     """(E, A) 1 where an action costs no illegal-move penalty as far as the belief can tell (``Batch.legal``).
 
     All 1 for an episode that has ended, whose action is ignored: who samples under a mask needs something to take.
     """
-    mask = lanes.batch.legal()
-    mask[lanes.engine.done] = True
+    mask = batch.legal()
+    mask[batch.done] = True
     return mask.view(np.int8)

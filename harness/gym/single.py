@@ -45,7 +45,7 @@ class PomdpEnv(gymnasium.Env[NDArray[np.float32], np.int64]):
 
         Args:
             domain: a domain or its name.
-            observation: ``belief``, ``reading`` or ``action-reading``.
+            observation: ``belief``, ``marginals``, ``reading`` or ``action-reading``.
             horizon: steps after which an episode is truncated.
             render_mode: ``ansi`` (a text), ``rgb_array`` (a picture) or None.
 
@@ -100,10 +100,10 @@ class PomdpEnv(gymnasium.Env[NDArray[np.float32], np.int64]):
 
     def action_masks(self) -> NDArray[np.bool_]:
         """(A,) the mask under the name that ``sb3_contrib.MaskablePPO`` asks for."""
-        return action_mask(self._lanes)[0].view(np.bool_)
+        return action_mask(self._lanes.batch)[0].view(np.bool_)
 
     def _shown(self) -> NDArray[np.float32]:
         return self.encoding(self._lanes.batch, self._lanes.last)[0]
 
     def _info(self) -> dict[str, Any]:
-        return {"action_mask": action_mask(self._lanes)[0], "episode_number": int(self._lanes.number[0])}
+        return {"action_mask": action_mask(self._lanes.batch)[0], "episode_number": int(self._lanes.number[0])}

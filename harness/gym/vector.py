@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -24,7 +24,6 @@ from harness.policy.encoding import Encoding
 
 _LEAST = 2_000  # lanes a thread: with fewer, waking it costs more than it saves
 Flags = NDArray[np.bool_]
-_T = TypeVar("_T")
 
 
 class _Part(NamedTuple):
@@ -83,7 +82,7 @@ class PomdpVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[A
         Args:
             domain: a domain or its name.
             num_envs: number E of lanes.
-            observation: ``belief``, ``reading`` or ``action-reading``.
+            observation: ``belief``, ``marginals``, ``reading`` or ``action-reading``.
             horizon: steps after which an episode is truncated.
             autoreset_mode: Gymnasium's, or its value (``NextStep``, ``SameStep``, ``Disabled``).
             render_mode: ``ansi`` (a text a lane), ``rgb_array`` (a picture a lane) or None.
@@ -146,13 +145,14 @@ class PomdpVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[A
         """
         taken = self._checked(actions)
         shown = self._new()
-        lasts = self._each(lambda part: self._play(part, taken[part.at], shown))
+        self._each(lambda part: self._play(part, taken[part.at], shown))
         ended = shown.terminated | shown.truncated
         info = _info(shown.mask, shown.number, self._all)
-        if self._mode is AutoresetMode.SAME_STEP:
-            info |= _final_info(ended, [last for last in lasts if last is not None])
-        else:
+        if self._mode is not AutoresetMode.SAME_STEP:
             self._ended = ended
+        elif ended.any():
+            info |= _final_info(shown, ended)
+            self._restart(ended, shown)
         return shown.observation, shown.reward, shown.terminated, shown.truncated, info
 
     def render(self) -> tuple[Any, ...] | None:
@@ -166,29 +166,31 @@ class PomdpVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[A
         if self._pool is not None:
             self._pool.shutdown()
 
-    def _play(self, part: _Part, taken: NDArray[np.int32], shown: _Shown) -> _Last | None:
-        """One step of a part; under ``SAME_STEP`` what was last seen of the episodes that have ended in it."""
+    def _play(self, part: _Part, taken: NDArray[np.int32], shown: _Shown) -> None:
+        """One step of a part; under ``NEXT_STEP`` the lanes that have ended begin anew instead."""
         at, lanes = part
-        idle, last = self._ended[at], None
+        idle = self._ended[at]
         shown.reward[at] = lanes.step(taken, idle)
         if idle.any():
             lanes.start(idle, lanes.number + self.num_envs)
         shown.terminated[at], shown.truncated[at] = lanes.terminated, lanes.truncated
-        ended = shown.terminated[at] | shown.truncated[at]
-        if self._mode is AutoresetMode.SAME_STEP and ended.any():
-            last = _Last(self._seen(lanes)[ended], action_mask(lanes)[ended], lanes.number[ended])
-            lanes.start(ended, lanes.number + self.num_envs)
         self._show(part, shown)
-        return last
 
     def _show(self, part: _Part, shown: _Shown) -> None:
         at, lanes = part
-        shown.observation[at] = self._seen(lanes)
-        shown.mask[at] = action_mask(lanes)
+        shown.observation[at] = self.encoding(lanes.batch, lanes.last)
+        shown.mask[at] = action_mask(lanes.batch)
         shown.number[at] = lanes.number
 
-    def _seen(self, lanes: Lanes) -> NDArray[np.float32]:
-        return self.encoding(lanes.batch, lanes.last)
+    def _restart(self, which: Flags, shown: _Shown) -> None:
+        """Begin the next episodes of some lanes, and show these again."""
+        for at, lanes in self._parts:
+            mine = which[at]
+            lanes.start(mine, lanes.number + self.num_envs)
+            batch = lanes.some(mine)
+            shown.observation[at][mine] = self.encoding(batch, lanes.last[mine])
+            shown.mask[at][mine] = action_mask(batch)
+            shown.number[at][mine] = lanes.number[mine]
 
     def _new(self) -> _Shown:
         n = self.num_envs
@@ -201,11 +203,10 @@ class PomdpVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[A
             np.empty(n, dtype=np.int64),
         )
 
-    def _each(self, job: Callable[[_Part], _T]) -> list[_T]:
-        """The job done for every part, by the threads."""
-        if self._pool is None:
-            return [job(part) for part in self._parts]
-        return list(self._pool.map(job, self._parts))
+    def _each(self, job: Callable[[_Part], None]) -> None:
+        """The job done for every part, by the threads; what fails in one is raised here."""
+        for _ in (map if self._pool is None else self._pool.map)(job, self._parts):
+            pass
 
     def _checked(self, actions: Any) -> NDArray[np.int32]:
         if not self._begun:
@@ -231,14 +232,6 @@ class PomdpVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[A
         return array
 
 
-class _Last(NamedTuple):
-    """What was last seen of the episodes that have ended in a step, in the order of their lanes."""
-
-    observation: NDArray[np.float32]
-    mask: NDArray[np.int8]
-    number: NDArray[np.int64]
-
-
 def _info(mask: NDArray[np.int8], number: NDArray[np.int64], which: Flags) -> dict[str, Any]:
     """As Gymnasium has it: beside every array (a row a lane), which lanes it holds of."""
     return {
@@ -249,17 +242,12 @@ def _info(mask: NDArray[np.int8], number: NDArray[np.int64], which: Flags) -> di
     }
 
 
-def _final_info(ended: Flags, lasts: list[_Last]) -> dict[str, Any]:
-    """``final_obs`` and ``final_info`` as Gymnasium's own vector environments give them; nothing where none ended."""
-    if not lasts:
-        return {}
+def _final_info(shown: _Shown, ended: Flags) -> dict[str, Any]:
+    """What is shown now of the lanes that have ended, as Gymnasium's own vector environments give it."""
     observations = np.full(len(ended), None, dtype=object)
-    for e, row in zip(np.flatnonzero(ended), np.concatenate([last.observation for last in lasts]), strict=True):
-        observations[e] = row
-    mask = np.zeros((len(ended), lasts[0].mask.shape[1]), dtype=np.int8)
-    mask[ended] = np.concatenate([last.mask for last in lasts])
-    number = np.zeros(len(ended), dtype=np.int64)
-    number[ended] = np.concatenate([last.number for last in lasts])
+    for e in np.flatnonzero(ended):
+        observations[e] = shown.observation[e].copy()
+    mask, number = shown.mask * ended[:, None], shown.number * ended
     return {
         "final_obs": observations,
         "_final_obs": ended,

@@ -162,11 +162,11 @@ class Domain:
     @cached_property
     def legality(self) -> NDArray[np.int8]:
         """(V, A) 1 where an action is legal whatever is hidden, 0 where it is not, −1 where the belief decides."""
-        first, factor = self.arrays["first_row"].astype(np.int64), self.arrays["factor"]
-        count = np.where(factor < 0, 1, np.array([*self.factor_sizes, 1])[factor])
+        first = np.maximum(self.arrays["first_row"], 0)  # a terminal value has none, and nobody asks of it
+        count = np.array([*self.factor_sizes, 1])[self.arrays["factor"]]  # rows of a choice; factor −1 is the last
         before = np.concatenate([[0], np.cumsum(self.arrays["legal"])])
-        legal = before[np.where(first < 0, 0, first + count)] - before[np.maximum(first, 0)]
-        decided = np.where(legal == count, 1, np.where(legal <= 0, 0, -1))
+        legal = before[np.minimum(first + count, len(before) - 1)] - before[first]
+        decided = np.where(legal == count, 1, np.where(legal == 0, 0, -1))
         return decided.astype(np.int8).reshape(self.n_visible, self.n_actions)
 
     @cached_property

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from harness.engine.batch import Batch
 from harness.errors import PolicyError
 from harness.policy.base import fitting
-from harness.policy.encoding import Encoding, check_kind
+from harness.policy.encoding import Encoding, check_kind, shows_belief
 
 _Own = TypeVar("_Own", bound="_Watching")
 
@@ -32,7 +32,7 @@ class _Watching:
     def __init__(self, observation: str, legal: bool, deterministic: bool, name: str) -> None:
         check_kind(observation)
         self.observation, self.legal, self.deterministic, self.name = observation, legal, deterministic, name
-        self.uses_belief = legal or observation == "belief"
+        self.uses_belief = legal or shows_belief(observation)
 
     def reset(self, batch: Batch) -> None:
         """Begin new episodes: no action before the first, no state.
@@ -80,7 +80,7 @@ class AgentPolicy(_Watching):
 
         Args:
             agent: it is shared by all copies of the policy.
-            observation: what it was trained on: ``belief``, ``reading`` or ``action-reading``.
+            observation: what it was trained on: ``belief``, ``marginals``, ``reading`` or ``action-reading``.
             legal: give it the legal actions too, as ``action_masks`` (``sb3_contrib.MaskablePPO``).
             deterministic: take its best actions.
             name: what tables call it.
@@ -137,7 +137,7 @@ class LogitsPolicy(_Watching):
 
         Args:
             network: the module or function; it is shared by all copies of the policy.
-            observation: what it was trained on: ``belief``, ``reading`` or ``action-reading``.
+            observation: what it was trained on: ``belief``, ``marginals``, ``reading`` or ``action-reading``.
             legal: leave out the actions that the belief knows to be illegal.
             deterministic: take the action of the greatest logit; else draw from their softmax, with the harness's
                 random numbers, so that scores are the same every time.

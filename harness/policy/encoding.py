@@ -14,7 +14,7 @@ from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
 from harness.model.tables import compiled
 
-KINDS = ("reading", "action-reading", "belief")
+KINDS = ("reading", "action-reading", "belief", "marginals")
 """What an encoding may hold, besides the visible part."""
 
 
@@ -28,13 +28,18 @@ def check_kind(kind: str) -> None:
         raise HarnessError(f"no observation {quoted(kind)}{nearest(kind, KINDS)} (known: {', '.join(KINDS)})")
 
 
+def shows_belief(kind: str) -> bool:
+    """Whether the belief is in it."""
+    return kind in ("belief", "marginals")
+
+
 class Encoding:
     """Episodes as vectors of D float32 numbers in [0, 1].
 
     In order: for ``action-reading`` the last action, one-hot (A numbers, all 0 before the first); for it and
     ``reading`` the last observation, one-hot (O numbers, all 0 where there is none yet); for ``belief`` the domain's
-    F belief features. Then for every kind the visible part: its numbers, each scaled to [0, 1] by its least and
-    greatest value in the domain.
+    F belief features; for ``marginals`` the N probabilities of all values of the hidden factors. Then for every kind
+    the visible part: its numbers, each scaled to [0, 1] by its least and greatest value in the domain.
     """
 
     def __init__(self, kind: str, domain: Domain) -> None:
@@ -46,19 +51,18 @@ class Encoding:
         check_kind(kind)
         self.kind, self.domain = kind, domain
         self._actions = domain.n_actions if kind == "action-reading" else 0
-        self._readings = 0 if kind == "belief" else domain.n_observations
-        self._columns = domain.feature_columns if kind == "belief" else domain.feature_columns[:0]
+        self._readings = 0 if shows_belief(kind) else domain.n_observations
+        self._columns = _columns(kind, domain)
         self._visible = _scaled(domain.visible_values)
 
     @property
     def names(self) -> tuple[str, ...]:
         """(D,) what each number is."""
         domain = self.domain
-        features = [name for name, _, _ in domain.features] if self.kind == "belief" else []
         return (
             *(f"did {action}" for action in domain.actions[: self._actions]),
             *(f"read {reading}" for reading in domain.observations[: self._readings]),
-            *features,
+            *_belief_names(self.kind, domain),
             *domain.visible_names,
         )
 
@@ -73,7 +77,7 @@ class Encoding:
         Raises:
             PolicyError: the belief is to be shown, and the engine left it out.
         """
-        marginals = batch.tracked() if self.kind == "belief" else batch.marginals
+        marginals = batch.tracked() if shows_belief(self.kind) else batch.marginals
         out = np.empty((batch.size, self.size), dtype=np.float32)
         _encode(
             last,
@@ -87,6 +91,20 @@ class Encoding:
             out,
         )
         return out
+
+
+def _columns(kind: str, domain: Domain) -> NDArray[np.int64]:
+    """Columns of the marginals that are shown."""
+    if kind == "marginals":
+        return np.arange(domain.n_marginals)
+    return domain.feature_columns if kind == "belief" else np.arange(0)
+
+
+def _belief_names(kind: str, domain: Domain) -> list[str]:
+    if kind == "marginals":
+        labelled = zip(domain.factors, domain.factor_labels, strict=True)
+        return [f"{factor} = {label}" for factor, labels in labelled for label in labels]
+    return [name for name, _, _ in domain.features] if kind == "belief" else []
 
 
 def _scaled(values: NDArray[np.int16]) -> NDArray[np.float32]:
