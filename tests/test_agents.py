@@ -55,6 +55,22 @@ def test_an_agent_with_a_memory_is_a_policy(rocksample, kind):
     assert harness.compare(rocksample, [policy, "exit"], **SMALL)["policy"].tolist() == ["mine", "exit"]
 
 
+def test_an_agent_has_its_replays_and_its_path(rocksample, tmp_path):
+    """By a file, as the commands and the report take it."""
+    w = weights(rocksample, "reading")
+    policy = harness.AgentPolicy(Remembering(w), observation="reading")
+    played = harness.evaluate(rocksample, policy, **SMALL)
+    last = list(harness.replay(rocksample, policy, episode=3, engine="tables", horizon=25))[-1]
+    assert f"return {played.returns[3]:g}," in last
+    file = tmp_path / "agent.py"
+    file.write_text("""import harness
+from tests.test_agents import Remembering, weights
+def mine(domain):
+    return harness.AgentPolicy(Remembering(weights(domain, "reading")), observation="reading")
+""")
+    assert (harness.evaluate(rocksample, f"{file}:mine", **SMALL).returns == played.returns).all()
+
+
 def test_an_encoding_is_what_it_says(rocksample, hidden):
     """By hand, of episodes that went a step."""
     for domain in (rocksample, hidden):

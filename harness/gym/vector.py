@@ -245,8 +245,8 @@ def _info(mask: NDArray[np.int8], number: NDArray[np.int64], which: Flags) -> di
 def _final_info(shown: _Shown, ended: Flags) -> dict[str, Any]:
     """What is shown now of the lanes that have ended, as Gymnasium's own vector environments give it."""
     observations = np.full(len(ended), None, dtype=object)
-    for e in np.flatnonzero(ended):
-        observations[e] = shown.observation[e].copy()
+    for e, row in zip(np.flatnonzero(ended), shown.observation[ended], strict=True):
+        observations[e] = row
     mask, number = shown.mask * ended[:, None], shown.number * ended
     return {
         "final_obs": observations,

@@ -121,12 +121,12 @@ class Domain:
         """Number V of visible values, terminal ones included."""
         return len(self.visible_values)
 
-    @property
+    @cached_property
     def factor_sizes(self) -> tuple[int, ...]:
         """Number of values of each hidden factor."""
         return tuple(len(labels) for labels in self.factor_labels)
 
-    @property
+    @cached_property
     def n_marginals(self) -> int:
         """Number N of values of all factors together."""
         return sum(self.factor_sizes)
