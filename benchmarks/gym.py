@@ -4,7 +4,8 @@
 
 Every row takes prepared random actions and resets what has ended. Ours give the exact belief and the action mask with
 every step; the peer, RockSample(7, 8) of pobax in JAX, gives position and reading only, and is compiled as one loop of
-100 steps. Its row is left out, with a line that says so, where pobax is missing.
+100 steps. Its row is left out, with a line that says so, where it is missing:
+`pip install pobax 'gymnax<0.0.9' sympy` beside the harness (tried with pobax 0.0.1, JAX 0.10 and gymnax 0.0.8).
 """
 
 from __future__ import annotations
@@ -98,6 +99,7 @@ def pobax_steps(lanes: int) -> Callable[[], int]:
     here = types.ModuleType("definitions")  # a module that its package names but does not hold
     here.ROOT_DIR = str(folder.parent)  # type: ignore[attr-defined]
     sys.modules.setdefault("definitions", here)
+    jax.tree_map = jax.tree.map  # what gymnax 0.0.8 calls, and JAX has given another name
     from pobax.envs.jax.rocksample import RockSample
 
     env = RockSample(jax.random.PRNGKey(0), folder / "envs" / "configs" / "rocksample_7_8_config.json")
@@ -134,7 +136,7 @@ def rows(lanes: int, small: int) -> dict[str, Rate]:
         found[f"pobax, {lanes:,} lanes, no belief"] = best(pobax_steps(lanes))
         found[f"pobax, {small:,} lanes, no belief"] = best(pobax_steps(small))
     except ImportError as error:
-        print(f"pobax is not installed (pip install pobax; {error}): its rows are left out.")
+        print(f"pobax is not installed ({error}): its rows are left out.")
     return found
 
 
