@@ -76,16 +76,21 @@ def test_an_encoding_is_what_it_says(rocksample, hidden):
     for domain in (rocksample, hidden):
         batch = after_two_steps(domain)
         last = np.array([3, -1], dtype=np.int32)
-        low, high = domain.visible_values.min(axis=0), domain.visible_values.max(axis=0)
-        place = (domain.visible_values[batch.visible] - low) / (high - low)
+        place = [places(domain, name, batch.visible) for name in domain.visible_names]
         read = np.eye(domain.n_observations)[batch.observation]
         did = np.eye(domain.n_actions)[last] * (last >= 0)[:, None]
         shown = {"belief": [batch.features], "marginals": [batch.marginals], "reading": [read]}
         for kind, parts in (shown | {"action-reading": [did, read]}).items():
             encoding = Encoding(kind, domain)
             found = encoding(batch, last)
-            assert np.allclose(found, np.hstack([*parts, place]), atol=1e-7)
+            assert np.allclose(found, np.hstack([*parts, *place]), atol=1e-7)
             assert found.shape[1] == encoding.size == len(encoding.names)
+
+
+def places(domain, name, visible):
+    """One-hot, in the order of the values."""
+    column = domain.visible_values[:, domain.visible_names.index(name)].tolist()
+    return [[column[v] == value for value in sorted(set(column))] for v in visible]
 
 
 def after_two_steps(domain):

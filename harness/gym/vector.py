@@ -65,6 +65,7 @@ class PomdpVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[A
         "render_fps": 4,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
+    _pool: ThreadPoolExecutor | None = None  # Gymnasium closes what could not be made, too
 
     def __init__(
         self,
@@ -103,7 +104,8 @@ class PomdpVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[A
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._parts = _parts(self.domain, num_envs, horizon, host.workers(workers))
-        self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
+        if len(self._parts) > 1:
+            self._pool = ThreadPoolExecutor(len(self._parts))
         self._all = np.ones(num_envs, dtype=np.bool_)
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self._begun = False

@@ -39,7 +39,8 @@ class Encoding:
     In order: for ``action-reading`` the last action, one-hot (A numbers, all 0 before the first); for it and
     ``reading`` the last observation, one-hot (O numbers, all 0 where there is none yet); for ``belief`` the domain's
     F belief features; for ``marginals`` the N probabilities of all values of the hidden factors. Then for every kind
-    the visible part: its numbers, each scaled to [0, 1] by its least and greatest value in the domain.
+    the visible part, each of its numbers one-hot over the values that it takes in the domain: what pays in one place
+    pays nothing beside it, and a network need not learn first to tell places apart.
     """
 
     def __init__(self, kind: str, domain: Domain) -> None:
@@ -53,7 +54,7 @@ class Encoding:
         self._actions = domain.n_actions if kind == "action-reading" else 0
         self._readings = 0 if shows_belief(kind) else domain.n_observations
         self._columns = _columns(kind, domain)
-        self._visible = _scaled(domain.visible_values)
+        self._visible = _one_hot(domain.visible_values)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -63,7 +64,7 @@ class Encoding:
             *(f"did {action}" for action in domain.actions[: self._actions]),
             *(f"read {reading}" for reading in domain.observations[: self._readings]),
             *_belief_names(self.kind, domain),
-            *domain.visible_names,
+            *_visible_names(domain),
         )
 
     @property
@@ -107,9 +108,15 @@ def _belief_names(kind: str, domain: Domain) -> list[str]:
     return [name for name, _, _ in domain.features] if kind == "belief" else []
 
 
-def _scaled(values: NDArray[np.int16]) -> NDArray[np.float32]:
-    low, high = values.min(axis=0).astype(np.float64), values.max(axis=0)
-    return ((values - low) / np.maximum(high - low, 1)).astype(np.float32)
+def _visible_names(domain: Domain) -> list[str]:
+    columns = zip(domain.visible_names, domain.visible_values.T, strict=True)
+    return [f"{name} = {value}" for name, column in columns for value in np.unique(column)]
+
+
+def _one_hot(values: NDArray[np.int16]) -> NDArray[np.float32]:
+    """(V, D) what is shown of each visible value."""
+    shown = [column[:, None] == np.unique(column) for column in values.T]
+    return np.hstack([np.empty((len(values), 0)), *shown]).astype(np.float32)
 
 
 @compiled
@@ -121,7 +128,7 @@ def _encode(
     marginals: NDArray[np.float64],
     columns: NDArray[np.int64],
     visible: NDArray[np.int32],
-    scaled: NDArray[np.float32],
+    shown: NDArray[np.float32],
     out: NDArray[np.float32],
 ) -> None:
     for e in range(len(visible)):
@@ -135,5 +142,5 @@ def _encode(
         for i in range(len(columns)):
             out[e, at + i] = marginals[e, columns[i]]
         at += len(columns)
-        for i in range(scaled.shape[1]):
-            out[e, at + i] = scaled[visible[e], i]
+        for i in range(shown.shape[1]):
+            out[e, at + i] = shown[visible[e], i]
