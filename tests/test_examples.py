@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import harness
+from harness.engine import rng
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 PROGRAM = "# EVOLVE-BLOCK-START\nloop right()\n# EVOLVE-BLOCK-END\n"
@@ -66,3 +67,18 @@ def test_openevolve_takes_it():
     found = asyncio.run(judge.evaluate_program(PROGRAM, "p"))
     assert found["combined_score"] == 10.0
     assert np.isfinite(found["sem"])
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("kind", ["recurrent", "masked"])
+def test_agents_are_trained_and_play(kind, rocksample):
+    """On the episodes of nobody's evaluation; what comes out acts alike in every batch, and legally if it is masked."""
+    pytest.importorskip("sb3_contrib", reason="needs sb3-contrib")
+    example = run("reinforcement_learning")
+    model, curve = example["train"](kind, 800, lanes=8, every=400, episodes=20)
+    assert [steps for steps, _ in curve] == [0, 400]
+    assert (model.env.env._parts[0].lanes.seed >= rng.TRAINING).all()
+    policy = example["policy_of"](kind, model)
+    harness.check_policy(policy, rocksample, episodes=40)
+    if kind == "masked":
+        assert harness.evaluate(rocksample, policy, episodes=50, engine="tables").returns.min() > -100
