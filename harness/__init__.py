@@ -18,12 +18,15 @@ if TYPE_CHECKING:
     from harness.bridge import from_model
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
+    from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
     from harness.play.conformance import ConformanceError, check_domain, check_policy
     from harness.play.driven import Driven
     from harness.play.evaluation import Evaluation, Score, evaluate
     from harness.policy import Policy
+    from harness.policy.agent import AgentPolicy, LogitsPolicy
+    from harness.policy.controller import Controller
     from harness.registry import load, names
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
@@ -38,13 +41,17 @@ if TYPE_CHECKING:
     from harness.tuning.figures import sweep_figure
 
 __all__ = [
+    "AgentPolicy",
     "Batch",
     "ConformanceError",
+    "Controller",
     "Domain",
     "Driven",
     "Evaluation",
+    "Evaluator",
     "HarnessError",
     "JuliaError",
+    "LogitsPolicy",
     "Policy",
     "PolicyError",
     "Score",
@@ -77,13 +84,17 @@ __all__ = [
 ]
 
 _HOME = {
+    "AgentPolicy": "policy.agent",
     "Batch": "engine.batch",
     "ConformanceError": "play.conformance",
+    "Controller": "policy.controller",
     "Domain": "model.domain",
     "Driven": "play.driven",
     "Evaluation": "play.evaluation",
+    "Evaluator": "ge.evaluator",
     "HarnessError": "errors",
     "JuliaError": "errors",
+    "LogitsPolicy": "policy.agent",
     "Policy": "policy",
     "PolicyError": "errors",
     "Score": "play.evaluation",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from harness.engine import rng
+from harness.engine.batch import Batch
 from harness.play.evaluation import evaluate, simulate
 from harness.policy.simple import RandomPolicy
 from tests import reference
@@ -138,3 +139,33 @@ def test_a_policys_random_numbers_are_not_the_engines(rocksample):
     greedy = evaluate(rocksample, Curious(), episodes=50, engine="tables")
     plain = evaluate(rocksample, "random", episodes=50, engine="tables")
     assert np.array_equal(greedy.returns, plain.returns)
+
+
+@pytest.mark.parametrize("name", ["rocksample", "bordercross", "hidden"])
+def test_legal_is_what_no_possible_value_forbids(name, request):
+    """In every place, for beliefs that leave from one value to all of them possible; by the rows themselves."""
+    domain = request.getfixturevalue(name)
+    alive = np.flatnonzero(~domain.arrays["terminal"].astype(bool)).astype(np.int32)
+    draw, seen = np.random.default_rng(0), set()
+    for _ in range(3):
+        possible = draw.random((len(alive), domain.n_marginals)) < draw.random((len(alive), 1))
+        possible[:, domain.factor_offset[:-1]] |= draw.random() < 0.5
+        blank = np.zeros(len(alive), dtype=np.int32)
+        batch = Batch(domain, alive, blank, possible / 8, blank.astype(bool), 0, 0)
+        found = batch.legal()
+        for e, v in enumerate(alive):
+            for a in range(domain.n_actions):
+                wanted = all(allowed(domain, v * domain.n_actions + a, possible[e]))
+                assert found[e, a] == wanted
+                seen.add((domain.legality[v, a].item(), wanted))
+    assert seen == {(1, True), (0, False)} | ({(-1, True), (-1, False)} if name == "hidden" else set())
+
+
+def allowed(domain, choice, possible):
+    """Whether it is legal, for each value of the relevant factor that is possible."""
+    factor, first = domain.arrays["factor"][choice], domain.arrays["first_row"][choice]
+    if factor < 0:
+        return [domain.arrays["legal"][first]]
+    start = domain.factor_offset[factor]
+    values = range(domain.factor_sizes[factor])
+    return [domain.arrays["legal"][first + x] for x in values if possible[start + x]]

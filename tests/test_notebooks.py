@@ -14,7 +14,13 @@ import stories
 
 NOTEBOOKS = stories.SOURCES
 
-PICTURES = {"1-baselines": 5, "2-evolve-and-tune": 5, "3-bordercross": 4, "4-your-own-model": 3}
+PICTURES = {
+    "1-baselines": 5,
+    "2-evolve-and-tune": 5,
+    "3-bordercross": 4,
+    "4-your-own-model": 3,
+    "5-agents-that-learn": 2,
+}
 """How many figures each notebook shows."""
 
 

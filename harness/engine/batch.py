@@ -72,7 +72,7 @@ class Batch:
     def legal(self) -> NDArray[np.bool_]:
         """(E, A) actions that cost no illegal-move penalty, as far as the belief can tell; all False once done."""
         mask = np.zeros((self.size, self.domain.n_actions), dtype=np.bool_)
-        _legal(self.domain.tables, self.visible, self.tracked(), self.done, mask)
+        _legal(self.domain.tables, self.domain.legality, self.visible, self.tracked(), self.done, mask)
         return mask
 
     def uniform(self, stream: int = 0) -> NDArray[np.float64]:
@@ -94,6 +94,7 @@ def read_only(array: NDArray[_T]) -> NDArray[_T]:
 @compiled
 def _legal(
     t: Tables,
+    legality: NDArray[np.int8],
     visible: NDArray[np.int32],
     marginals: NDArray[np.float64],
     done: NDArray[np.bool_],
@@ -103,4 +104,6 @@ def _legal(
     for e in range(len(visible)):
         if not done[e]:
             for a in range(n_actions):
-                mask[e, a] = is_legal(choices, rows, factor_offset, visible[e] * n_actions + a, marginals, e)
+                mask[e, a] = legality[visible[e], a] == 1
+                if legality[visible[e], a] < 0:
+                    mask[e, a] = is_legal(choices, rows, factor_offset, visible[e] * n_actions + a, marginals, e)

@@ -32,8 +32,13 @@ class TablesEngine(EngineArrays):
 
     def reset(self, u: NDArray[np.float64]) -> None:
         """Start all episodes."""
+        self.restart(np.ones(len(u), dtype=np.bool_), u)
+
+    def restart(self, which: NDArray[np.bool_], u: NDArray[np.float64]) -> None:
+        """Start the episodes anew where ``which`` (E,) is True; ``u`` (E,) counts there only."""
         _reset(
             self.domain.tables,
+            which,
             u,
             self.visible,
             self.values,
@@ -64,6 +69,7 @@ class TablesEngine(EngineArrays):
 @compiled
 def _reset(
     t: Tables,
+    which: NDArray[np.bool_],
     u: NDArray[np.float64],
     visible: NDArray[np.int32],
     values: NDArray[np.int16],
@@ -80,6 +86,8 @@ def _reset(
     )
     reading_cdf, terminal = t.reading_cdf, t.terminal
     for e in range(len(visible)):
+        if not which[e]:
+            continue
         i, left = draw_start(start_cdf, u[e])
         visible[e] = start_visible[i]
         for k in range(values.shape[1]):
@@ -87,12 +95,13 @@ def _reset(
         observation[e] = draw_reading(reading_cdf, start_reading[i], left)
         done[e] = terminal[visible[e]]
     if marginals.shape[1] > 0:
-        _start_beliefs(t, visible, observation, marginals, scratch)
+        _start_beliefs(t, which, visible, observation, marginals, scratch)
 
 
 @compiled
 def _start_beliefs(
     t: Tables,
+    which: NDArray[np.bool_],
     visible: NDArray[np.int32],
     observation: NDArray[np.int32],
     marginals: NDArray[np.float64],
@@ -101,6 +110,8 @@ def _start_beliefs(
     """Initial beliefs, given the first readings (−1: none)."""
     factor_offset, probability, reading = t.factor_offset, t.reading_probability, t.prior_reading
     for e in range(len(visible)):
+        if not which[e]:
+            continue
         i = 0
         while t.prior_visible[i] != visible[e]:
             i += 1

@@ -121,12 +121,12 @@ class Domain:
         """Number V of visible values, terminal ones included."""
         return len(self.visible_values)
 
-    @property
+    @cached_property
     def factor_sizes(self) -> tuple[int, ...]:
         """Number of values of each hidden factor."""
         return tuple(len(labels) for labels in self.factor_labels)
 
-    @property
+    @cached_property
     def n_marginals(self) -> int:
         """Number N of values of all factors together."""
         return sum(self.factor_sizes)
@@ -158,6 +158,16 @@ class Domain:
     def tables(self) -> Tables:
         """The arrays in the form that compiled code takes, with the reward of :attr:`shaping`."""
         return from_arrays(self.arrays, self.n_actions, self.factor_offset, self.shapings.index(self.shaping))
+
+    @cached_property
+    def legality(self) -> NDArray[np.int8]:
+        """(V, A) 1 where an action is legal whatever is hidden, 0 where it is not, −1 where the belief decides."""
+        first = np.maximum(self.arrays["first_row"], 0)  # a terminal value has none, and nobody asks of it
+        count = np.array([*self.factor_sizes, 1])[self.arrays["factor"]]  # rows of a choice; factor −1 is the last
+        before = np.concatenate([[0], np.cumsum(self.arrays["legal"])])
+        legal = before[np.minimum(first + count, len(before) - 1)] - before[first]
+        decided = np.where(legal == count, 1, np.where(legal == 0, 0, -1))
+        return decided.astype(np.int8).reshape(self.n_visible, self.n_actions)
 
     @cached_property
     def model_hash(self) -> str:

@@ -50,6 +50,25 @@ def draw_layout(domain: Domain | str, axes: Axes | None = None) -> Axes:
     return axes
 
 
+def state_image(batch: Batch) -> NDArray[np.uint8]:
+    """(height, width, 3) a picture of the first episode of a batch: the grid, the robots, and beside it the belief.
+
+    The domain must have a layout. A robot in a terminal state has no place and is not drawn.
+    """
+    domain = batch.domain
+    figure = blank(6.4, 4.2)
+    grid, bars = figure.subplots(1, 2, width_ratios=(3, 1))
+    _draw_grid(domain, grid)
+    for robot, cell in _robots_now(batch, {}).items():
+        _draw_robot(grid, robot, cell)
+    bars.barh(range(len(domain.features)), batch.features[0], color="#9db7d1")
+    bars.set(xlim=(0, 1), yticks=[], xlabel="belief (probability)")
+    bars.invert_yaxis()
+    canvas = figure.canvas
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
+
+
 def draw_episode(
     domain: Domain | str,
     policy: str | Policy,

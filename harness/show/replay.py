@@ -81,10 +81,18 @@ def replay(
     yield f"{domain.name}, policy {spec}, engine {engine}, seed {seed}, episode {episode}"
     for step in steps(domain, policy, engine, seed, episode, horizon):
         batch = step.batch
-        body = [] if batch.done[0] else _side_by_side(_grid(batch), _belief(batch) if policy_belief else [])
-        yield "\n".join([step.sentence, *body])
+        yield "\n".join([step.sentence, *_picture(batch, policy_belief)])
     end = f"The episode {ending(step, horizon)} after {step.number} steps"
     yield f"{end}: return {step.total:g}, discounted {step.discounted:.2f}."
+
+
+def picture(batch: Batch) -> str:
+    """The grid of a batch's first episode and its belief beside it; empty once the episode has reached its end."""
+    return "\n".join(_picture(batch, belief=True))
+
+
+def _picture(batch: Batch, belief: bool) -> list[str]:
+    return [] if batch.done[0] else _side_by_side(_grid(batch), _belief(batch) if belief else [])
 
 
 def ending(last: Step, horizon: int) -> str:
