@@ -58,14 +58,12 @@ def parse(word: str, text: str, unit: str, known: Mapping[str, Callable[[str], A
     """
     readers = {unit: lambda value: whole(value, MOST), "time": milliseconds, **known}
     found: dict[str, Any] = {}
-    for part in text.split(",") if text else []:
+    for part in text.split(","):
         name, equals, value = part.partition("=")
         if not equals:
             name, value = unit, part
         if name not in readers:
-            raise PolicyError(
-                f"{word} has no {quoted(name)}{nearest(name, readers)} (it has: {', '.join(readers)})"
-            )
+            raise PolicyError(f"{word} has no {quoted(name)}{nearest(name, readers)} (it has: {', '.join(readers)})")
         if name in found:
             raise PolicyError(f"{word}: {name} is given twice")
         try:

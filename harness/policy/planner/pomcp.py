@@ -20,7 +20,7 @@ from harness.policy.planner.tree import EDGE, NODE, add_node, advance, child_of,
 
 WORD = "pomcp"
 SIMULATIONS = 1000
-_PRIOR_VISITS, _PRIOR_VALUE = 10, 1.0  # of a preferred action, as in the authors' program
+_PRIOR_VISITS = 10  # of a preferred action (Silver and Veness, section 6)
 _MEMORY = 2**28  # bytes of the trees of a batch
 _RULES = ("preferred", "legal")
 
@@ -31,8 +31,8 @@ class POMCPPolicy:
     Every simulation draws the hidden part from the exact belief, where the paper's particle filter has an
     approximation. It goes down the tree by the action of the largest value + exploration · √(log N / n), untried ones
     first, adds one history, and goes on by the rollout rule as far as a reward weighs a hundredth. Where a domain
-    names preferred actions (RockSample), rollouts draw from these and new histories begin with ten visits of value 1
-    for each, as the authors' program does; elsewhere rollouts draw from the legal actions. The action of the highest
+    names preferred actions (RockSample), rollouts draw from these and new histories begin with ten visits of them, all
+    of a value as large as the reward range; elsewhere rollouts draw from the legal actions. The action of the highest
     mean is taken, the first of equals.
 
     What was found below the action and reading that came true is kept for the next step. Every episode has a tree of
@@ -63,7 +63,8 @@ class POMCPPolicy:
         if rollout == "preferred" and not names_preferred(domain):
             raise PolicyError(f"{domain.name} names no preferred actions; leave rollout=preferred out")
         self.budget = budget
-        self.exploration = reward_range(domain) if exploration is None else exploration
+        self._hope = reward_range(domain)
+        self.exploration = self._hope if exploration is None else exploration
         self._model = model_of(domain)
         self._preferences = preferences_of(domain, rollout != "legal")
         self._nodes = nodes_for(budget.count)
@@ -84,12 +85,13 @@ class POMCPPolicy:
         actions = np.zeros(batch.size, dtype=np.int32)
         states = (batch.uniform() * 2.0**53).astype(np.uint64)
         marginals = batch.tracked()
-        for e in np.flatnonzero(~batch.done):
+        for e in map(int, np.flatnonzero(~batch.done)):
             self._follow(e, int(batch.visible[e]), int(batch.observation[e]), batch.step)
             for portion in self.budget.portions():
                 self._used[e] = _plan(
-                    self._model, self._preferences, self._tree[0][e], self._tree[1][e], self._used[e], marginals[e : e + 1],
-                    states[e : e + 1], self._tally[e], self._readings[e], portion, self.exploration,
+                    self._model, self._preferences, self._tree[0][e], self._tree[1][e], self._used[e],
+                    marginals[e : e + 1], states[e : e + 1], self._tally[e], self._readings[e], portion,
+                    self.exploration, self._hope,
                 )  # fmt: skip
             actions[e] = _best(self._tree[1][e], self._model.n_actions)
             self._seen[e] = batch.visible[e], actions[e]
@@ -98,7 +100,7 @@ class POMCPPolicy:
     def _follow(self, e: int, v: int, o: int, step: int) -> None:
         """Keep of the episode's tree what lies below the action taken and what came of it."""
         if step > 0 and self._used[e]:
-            _remember(self._preferences, *self._seen[e], o, self._tally[e], self._readings[e])
+            _remember(self._preferences, self._seen[e], o, self._tally[e], self._readings[e])
         self._used[e] = advance(
             self._tree[0][e], self._tree[1][e], self._model.n_actions, self._used[e], self._seen[e, 1], v, o
         )
@@ -124,10 +126,10 @@ def _rule(text: str) -> str:
 
 @compiled
 def _remember(
-    p: Preferences, v: int, a: int, o: int, tally: NDArray[np.int16], readings: NDArray[np.int16]
+    p: Preferences, seen: NDArray[np.int32], o: int, tally: NDArray[np.int16], readings: NDArray[np.int16]
 ) -> None:
     if len(p.here) > 0:
-        note(p.here, p.weight, p.sample, p.check, p.good, v, a, o, tally, readings)
+        note(p.here, p.weight, p.sample, p.check, p.good, seen[0], seen[1], o, tally, readings)
 
 
 @compiled
@@ -185,11 +187,11 @@ def _roll_out(
 
 
 @inlined
-def _expect(edges: Records, first: int, options: NDArray[np.int32], count: int) -> None:
-    """Begin a history with some good visits of its ``count`` preferred actions."""
+def _expect(edges: Records, first: int, options: NDArray[np.int32], count: int, hope: float) -> None:
+    """Begin a history with some visits of its ``count`` preferred actions that were worth ``hope``."""
     for j in range(count):
         edges[first + options[j]].visits = _PRIOR_VISITS
-        edges[first + options[j]].value = _PRIOR_VALUE
+        edges[first + options[j]].value = hope
 
 
 @inlined
@@ -227,6 +229,7 @@ def _plan(
     root_readings: NDArray[np.int16],
     simulations: int,
     exploration: float,
+    hope: float,
 ) -> int:
     """Add simulations to one episode's tree, from its belief ``marginals[0]``; how many nodes there are then."""
     choices, rows, outcomes, reading_cdf, allowed = m.choices, m.rows, m.outcomes, m.reading_cdf, m.allowed
@@ -237,7 +240,8 @@ def _plan(
     values, options = np.zeros((1, len(factor_offset) - 1), dtype=np.int16), np.zeros(n_actions, dtype=np.int32)
     taken, paid = np.zeros(horizon, dtype=np.int64), np.zeros(horizon)
     if prefers and nodes[0].visits == 0:
-        _expect(edges, 0, options, preferred(here, closer, right, sample, check, nodes[0].visible, tally, readings, options))
+        count = preferred(here, closer, right, sample, check, nodes[0].visible, tally, readings, options)
+        _expect(edges, 0, options, count, hope)
     for _ in range(simulations):
         draw_hidden(factor_offset, marginals, 0, state, values)
         for k in range(len(tally)):
@@ -268,7 +272,7 @@ def _plan(
                 count = preferred(here, closer, right, sample, check, v, tally, readings, options)
             if inside and running and node < 0 and used < len(nodes):
                 add_node(nodes, edges, n_actions, used, first + a, v, o, -1)
-                _expect(edges, used * n_actions, options, count)
+                _expect(edges, used * n_actions, options, count, hope)
                 used += 1
             depth += 1
         _back_up(nodes, edges, n_actions, discount, taken, below, paid, depth)

@@ -36,9 +36,7 @@ def tree_bytes(nodes: int, n_actions: int) -> int:
 
 
 @inlined
-def add_node(
-    nodes: Records, edges: Records, n_actions: int, node: int, edge: int, v: int, o: int, old: int
-) -> None:
+def add_node(nodes: Records, edges: Records, n_actions: int, node: int, edge: int, v: int, o: int, old: int) -> None:
     """Make ``node`` the history after ``edge`` (−1: the root) that ends with visible value ``v`` and reading ``o``.
 
     Its actions are as known as those of node ``old``, which may lie where it is put; −1: nothing is known of them.
