@@ -13,6 +13,7 @@ from harness import policy as policies
 from harness.engine.tables import TablesEngine
 from harness.play.evaluation import evaluate, simulate
 from harness.policy.planner import tree
+from harness.tuning import sweeping
 from tests import models
 from tests.conftest import size
 
@@ -170,3 +171,25 @@ def test_preferred_actions_must_be_named_by_the_domain(bordercross):
 def test_planners_have_rows_where_nothing_is_solved_in_full():
     assert "pomcp:1000" not in policies.default_specs(harness.load("rocksample-7x8"))
     assert "pomcp:1000" in policies.default_specs(harness.load("rocksample-15x15"))
+
+
+def test_a_sweep_over_simulations_says_what_an_action_takes(tmp_path):
+    sweep = harness.sweep(
+        "rocksample-7x8", "pomcp:5,exploration=10", start=10, stop=40, log=True, points=3, episodes=3, horizon=6,
+        engine="tables", out=tmp_path / "sweep",
+    )  # fmt: skip
+    assert sweep["simulations"].tolist() == [10, 20, 40]
+    assert sweep["policy"].tolist() == [f"pomcp:{n},exploration=10" for n in (10, 20, 40)]
+    assert (sweep["milliseconds"] > 0).all()
+    for _, row in sweep.iterrows():
+        assert row["mean"] == played(harness.load("rocksample-7x8"), row["policy"], episodes=3, horizon=6).score.mean
+    assert sweeping.resume(tmp_path / "sweep").equals(sweep)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [({"start": 5, "stop": 2}, "goes upward"), ({"start": 0, "stop": 2}, "simulations lies between 1")],
+)
+def test_wrong_ends_of_a_sweep_are_explained(given, words):
+    with pytest.raises(harness.HarnessError, match=words):
+        harness.sweep("rocksample-7x8", "pomcp", log=True, engine="tables", **given)
