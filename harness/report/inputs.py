@@ -17,8 +17,7 @@ from harness.ge.runs import folders_of
 from harness.play.evaluation import Score
 from harness.report import records
 from harness.score.table import COLUMNS, DIFFERENCES, SHARES
-from harness.tuning import budgets
-from harness.tuning import journal
+from harness.tuning import budgets, journal
 from harness.tuning.outcome import Gain
 
 
