@@ -20,7 +20,7 @@ from harness.policy.planner.tree import EDGE, NODE, add_node, advance, child_of,
 
 WORD = "pomcp"
 SIMULATIONS = 1000
-_PRIOR_VISITS = 10  # of a preferred action (Silver and Veness, section 6)
+_PRIOR_VISITS = 10  # of a preferred action, before there is any
 _MEMORY = 2**28  # bytes of the trees of a batch
 _RULES = ("preferred", "legal")
 

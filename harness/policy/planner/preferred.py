@@ -1,4 +1,4 @@
-"""Preferred actions of RockSample, as Silver and Veness (2010, section 6) give POMCP its knowledge of the domain.
+"""Preferred actions of RockSample, after the knowledge that Silver and Veness (2010) give POMCP of the domain.
 
 They are a rule over what has been read, like the heuristics of :mod:`harness.policy.heuristic`: how the domain moves is
 not said here. A domain names its rule by the kind of its layout; where there is none, all legal actions are preferred.

@@ -12,7 +12,7 @@ from harness.model.domain import Domain
 from harness.model.splitmix import next_uniform
 from harness.model.tables import Records, inlined, row_of
 
-_NEGLIGIBLE = 0.01  # of the present reward: what is weighed less is not simulated (Silver and Veness, section 6)
+_NEGLIGIBLE = 0.01  # of the present reward: what is weighed less is not simulated
 _LONGEST = 1000
 
 
