@@ -133,7 +133,7 @@ _KINDS = (
     _Kind("rollout", "best action by N simulations of random-legal each", _rollout, str(SIMULATIONS_DEFAULT)),
     _Kind(
         pomcp.WORD,
-        "tree search by N simulations (time=100ms: as many as fit; exploration=X,rollout=legal|preferred)",
+        "tree search by N simulations (time=100ms: as many as fit; exploration=X,rollout=legal|preferred,depth=N)",
         pomcp.make,
         str(pomcp.SIMULATIONS),
         plans=True,

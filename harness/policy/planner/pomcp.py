@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,9 @@ from harness.model.domain import Domain
 from harness.model.splitmix import next_uniform
 from harness.model.tables import Records, compiled, draw_outcome, draw_reading, inlined, row_of
 from harness.policy.base import fitting
-from harness.policy.planner.budget import MOST, Budget, number, parse
+from harness.policy.planner.budget import MOST, Budget, number, parse, whole
 from harness.policy.planner.preferred import Preferences, names_preferred, note, preferences_of, preferred
-from harness.policy.planner.simulating import Model, draw_hidden, model_of, random_legal, reward_range
+from harness.policy.planner.simulating import LONGEST, Model, draw_hidden, model_of, random_legal, reward_range
 from harness.policy.planner.tree import EDGE, NODE, add_node, advance, child_of, nodes_for, tree_bytes
 
 WORD = "pomcp"
@@ -23,6 +24,23 @@ SIMULATIONS = 1000
 _PRIOR_VISITS = 10  # of a preferred action, before there is any
 _MEMORY = 2**28  # bytes of the trees of a batch
 _RULES = ("preferred", "legal")
+
+
+class Scratch(NamedTuple):
+    """What one simulation writes to."""
+
+    values: NDArray[np.int16]
+    """(1, K) the hidden part."""
+    options: NDArray[np.int32]
+    """(A,) preferred actions."""
+    tally: NDArray[np.int16]
+    """(K,) good less bad readings of every rock."""
+    readings: NDArray[np.int16]
+    """(K,)"""
+    taken: NDArray[np.int64]
+    """(horizon,) edges of the tree."""
+    paid: NDArray[np.float64]
+    """(horizon,) rewards."""
 
 
 class POMCPPolicy:
@@ -48,6 +66,7 @@ class POMCPPolicy:
         budget: Budget = Budget(SIMULATIONS),  # noqa: B008 - frozen
         exploration: float | None = None,
         rollout: str = "",
+        depth: int | None = None,
     ) -> None:
         """A planner for a domain.
 
@@ -56,6 +75,7 @@ class POMCPPolicy:
             budget: of one action.
             exploration: the constant of UCB1, in units of reward; by default :func:`.reward_range`, as in the paper.
             rollout: ``preferred`` or ``legal``; by default preferred where the domain names such actions.
+            depth: steps that a simulation reaches ahead; by default as far as a reward weighs a hundredth.
 
         Raises:
             PolicyError: preferred actions are asked for and the domain names none.
@@ -65,7 +85,7 @@ class POMCPPolicy:
         self.budget = budget
         self._hope = reward_range(domain)
         self.exploration = self._hope if exploration is None else exploration
-        self._model = model_of(domain)
+        self._model = model_of(domain, depth)
         self._preferences = preferences_of(domain, rollout != "legal")
         self._nodes = nodes_for(budget.count)
         self.batch_size = max(1, min(32, _MEMORY // tree_bytes(self._nodes, domain.n_actions)))
@@ -112,10 +132,17 @@ def make(domain: Domain, text: str) -> POMCPPolicy:
     Raises:
         PolicyError: something in it is unknown or out of range.
     """
-    found = parse(WORD, text, "simulations", {"exploration": lambda x: number(x, 1e9), "rollout": _rule})
+    found = parse(WORD, text, "simulations", _SETTINGS)
     milliseconds = found.pop("time", None)
     count = found.pop("simulations", MOST if milliseconds else SIMULATIONS)
     return POMCPPolicy(domain, Budget(count, milliseconds), **found)
+
+
+_SETTINGS = {
+    "exploration": lambda text: number(text, 1e9),
+    "rollout": lambda text: _rule(text),
+    "depth": lambda text: whole(text, LONGEST),
+}
 
 
 def _rule(text: str) -> str:
@@ -216,6 +243,67 @@ def _back_up(
             edges[edge].value += (total - edges[edge].value) / edges[edge].visits
 
 
+@inlined
+def _options(p: Preferences, s: Scratch, v: int) -> int:
+    """How many preferred actions there are, written to ``s.options``; 0 where the domain has no rule."""
+    if len(p.here) > 0:
+        return preferred(p.here, p.closer, p.right, p.sample, p.check, v, s.tally, s.readings, s.options)
+    return 0
+
+
+@compiled
+def _descend(
+    m: Model, p: Preferences, nodes: Records, edges: Records, s: Scratch, state: NDArray[np.uint64], exploration: float
+) -> tuple[int, int, int, bool]:
+    """Go down the tree to a history that is not in it: what is visible there, what was read last, after how many
+    steps, and whether the simulation goes on."""
+    choices, rows, outcomes, reading_cdf, allowed = m.choices, m.rows, m.outcomes, m.reading_cdf, m.allowed
+    n_actions, horizon, values, taken, paid = m.n_actions, m.horizon, s.values, s.taken, s.paid
+    here, weight, sample, check, good, tally, readings = p.here, p.weight, p.sample, p.check, p.good, s.tally, s.readings
+    v, o, node, depth, running = nodes[0].visible, -1, 0, 0, True
+    while node >= 0:
+        first = node * n_actions
+        a = _select(edges, first, allowed, v * n_actions, n_actions, nodes[node].visits, exploration, state)
+        va = v * n_actions + a
+        i, left = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), next_uniform(state))
+        if choices[va].factor >= 0:
+            values[0, choices[va].factor] = outcomes[i].value
+        o = draw_reading(reading_cdf, outcomes[i].reading, left)
+        taken[depth], paid[depth] = first + a, outcomes[i].reward
+        if len(here) > 0:
+            note(here, weight, sample, check, good, v, a, o, tally, readings)
+        v = outcomes[i].visible
+        depth += 1
+        running = not outcomes[i].ends and depth < horizon
+        node = child_of(nodes, edges, first + a, v, o) if running else -1
+    return v, o, depth, running
+
+
+@compiled
+def _play_on(m: Model, p: Preferences, s: Scratch, state: NDArray[np.uint64], v: int, depth: int) -> int:
+    """Roll out from visible value ``v`` after ``depth`` steps; after how many it ends."""
+    choices, rows, outcomes, reading_cdf, n_actions = m.choices, m.rows, m.outcomes, m.reading_cdf, m.n_actions
+    here, closer, weight, right, sample, check, good = p.here, p.closer, p.weight, p.right, p.sample, p.check, p.good
+    horizon, values, options, tally, readings, paid = m.horizon, s.values, s.options, s.tally, s.readings, s.paid
+    count, running = 0, True
+    while running:
+        if len(here) > 0:
+            count = preferred(here, closer, right, sample, check, v, tally, readings, options)
+        a = _roll_out(choices, rows, n_actions, v, values, options, count, state)
+        va = v * n_actions + a
+        i, left = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), next_uniform(state))
+        if choices[va].factor >= 0:
+            values[0, choices[va].factor] = outcomes[i].value
+        o = draw_reading(reading_cdf, outcomes[i].reading, left)
+        paid[depth] = outcomes[i].reward
+        if len(here) > 0:
+            note(here, weight, sample, check, good, v, a, o, tally, readings)
+        v = outcomes[i].visible
+        depth += 1
+        running = not outcomes[i].ends and depth < horizon
+    return depth
+
+
 @compiled
 def _plan(
     m: Model,
@@ -225,55 +313,34 @@ def _plan(
     used: int,
     marginals: NDArray[np.float64],
     state: NDArray[np.uint64],
-    root_tally: NDArray[np.int16],
-    root_readings: NDArray[np.int16],
+    tally: NDArray[np.int16],
+    readings: NDArray[np.int16],
     simulations: int,
     exploration: float,
     hope: float,
 ) -> int:
     """Add simulations to one episode's tree, from its belief ``marginals[0]``; how many nodes there are then."""
-    choices, rows, outcomes, reading_cdf, allowed = m.choices, m.rows, m.outcomes, m.reading_cdf, m.allowed
-    n_actions, discount, horizon, factor_offset = m.n_actions, m.discount, m.horizon, m.factor_offset
-    here, closer, weight, right, sample, check, good = p.here, p.closer, p.weight, p.right, p.sample, p.check, p.good
-    prefers = len(here) > 0
-    tally, readings = root_tally.copy(), root_readings.copy()
-    values, options = np.zeros((1, len(factor_offset) - 1), dtype=np.int16), np.zeros(n_actions, dtype=np.int32)
-    taken, paid = np.zeros(horizon, dtype=np.int64), np.zeros(horizon)
-    if prefers and nodes[0].visits == 0:
-        count = preferred(here, closer, right, sample, check, nodes[0].visible, tally, readings, options)
-        _expect(edges, 0, options, count, hope)
+    s = _scratch(m, tally, readings)
+    if nodes[0].visits == 0:
+        _expect(edges, 0, s.options, _options(p, s, nodes[0].visible), hope)
     for _ in range(simulations):
-        draw_hidden(factor_offset, marginals, 0, state, values)
-        for k in range(len(tally)):
-            tally[k], readings[k] = root_tally[k], root_readings[k]
-        v, node, depth, below, count, running = nodes[0].visible, 0, 0, 0, 0, True
-        while running:  # below the tree, node is −1
-            first = node * n_actions
-            if node >= 0:
-                a = _select(edges, first, allowed, v * n_actions, n_actions, nodes[node].visits, exploration, state)
-            else:
-                a = _roll_out(choices, rows, n_actions, v, values, options, count, state)
-            va = v * n_actions + a
-            i, left = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), next_uniform(state))
-            if choices[va].factor >= 0:
-                values[0, choices[va].factor] = outcomes[i].value
-            o = draw_reading(reading_cdf, outcomes[i].reading, left)
-            paid[depth] = outcomes[i].reward
-            running = not outcomes[i].ends and depth + 1 < horizon
-            if prefers:
-                note(here, weight, sample, check, good, v, a, o, tally, readings)
-            v = outcomes[i].visible
-            inside = node >= 0
-            if inside:
-                taken[depth] = first + a
-                below = depth + 1
-                node = child_of(nodes, edges, first + a, v, o) if running else -1
-            if prefers and running and node < 0:
-                count = preferred(here, closer, right, sample, check, v, tally, readings, options)
-            if inside and running and node < 0 and used < len(nodes):
-                add_node(nodes, edges, n_actions, used, first + a, v, o, -1)
-                _expect(edges, used * n_actions, options, count, hope)
-                used += 1
-            depth += 1
-        _back_up(nodes, edges, n_actions, discount, taken, below, paid, depth)
+        draw_hidden(m.factor_offset, marginals, 0, state, s.values)
+        s.tally[:] = tally
+        s.readings[:] = readings
+        v, o, below, running = _descend(m, p, nodes, edges, s, state, exploration)
+        depth = below
+        if running and used < len(nodes):
+            add_node(nodes, edges, m.n_actions, used, s.taken[below - 1], v, o, -1)
+            _expect(edges, used * m.n_actions, s.options, _options(p, s, v), hope)
+            used += 1
+        if running:
+            depth = _play_on(m, p, s, state, v, below)
+        _back_up(nodes, edges, m.n_actions, m.discount, s.taken, below, s.paid, depth)
     return used
+
+
+@inlined
+def _scratch(m: Model, tally: NDArray[np.int16], readings: NDArray[np.int16]) -> Scratch:
+    values = np.zeros((1, len(m.factor_offset) - 1), dtype=np.int16)
+    options, taken = np.zeros(m.n_actions, dtype=np.int32), np.zeros(m.horizon, dtype=np.int64)
+    return Scratch(values, options, tally.copy(), readings.copy(), taken, np.zeros(m.horizon))

@@ -13,7 +13,8 @@ from harness.model.splitmix import next_uniform
 from harness.model.tables import Records, inlined, row_of
 
 _NEGLIGIBLE = 0.01  # of the present reward: what is weighed less is not simulated
-_LONGEST = 1000
+LONGEST = 1000
+"""Steps that a simulation may reach ahead."""
 
 
 class Model(NamedTuple):
@@ -36,8 +37,8 @@ class Model(NamedTuple):
         return self
 
 
-def model_of(domain: Domain) -> Model:
-    """The domain under its true reward."""
+def model_of(domain: Domain, depth: int | None = None) -> Model:
+    """The domain under its true reward; simulations reach ``depth`` steps ahead, by default :func:`horizon_of`."""
     t = domain.shaped("none").tables
     return Model(
         t.choices,
@@ -48,13 +49,13 @@ def model_of(domain: Domain) -> Model:
         _allowed(domain),
         domain.n_actions,
         float(domain.discount),
-        horizon_of(domain.discount),
+        depth or horizon_of(domain.discount),
     )
 
 
 def horizon_of(discount: float) -> int:
     """Steps after which a reward weighs less than a hundredth: 90 at a discount of 0.95."""
-    return _LONGEST if discount >= 1.0 else min(_LONGEST, math.ceil(math.log(_NEGLIGIBLE) / math.log(discount)))
+    return LONGEST if discount >= 1.0 else min(LONGEST, math.ceil(math.log(_NEGLIGIBLE) / math.log(discount)))
 
 
 def reward_range(domain: Domain) -> float:
