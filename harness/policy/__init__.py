@@ -14,7 +14,7 @@ from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
 from harness.policy.graph import PolicyGraph
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
-from harness.policy.planner import pomcp
+from harness.policy.planner import despot, pomcp
 from harness.policy.program import ProgramPolicy, stored_program
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
 from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
@@ -136,6 +136,13 @@ _KINDS = (
         "tree search by N simulations (time=100ms: as many as fit; exploration=X,rollout=legal|preferred,depth=N)",
         pomcp.make,
         str(pomcp.SIMULATIONS),
+        plans=True,
+    ),
+    _Kind(
+        despot.WORD,
+        "search of a tree over N scenarios, between bounds (trials=N, or time=100ms; lambda=X,depth=N)",
+        despot.make,
+        str(despot.SCENARIOS),
         plans=True,
     ),
     _Kind(

@@ -259,7 +259,15 @@ def _descend(
     steps, and whether the simulation goes on."""
     choices, rows, outcomes, reading_cdf, allowed = m.choices, m.rows, m.outcomes, m.reading_cdf, m.allowed
     n_actions, horizon, values, taken, paid = m.n_actions, m.horizon, s.values, s.taken, s.paid
-    here, weight, sample, check, good, tally, readings = p.here, p.weight, p.sample, p.check, p.good, s.tally, s.readings
+    here, weight, sample, check, good, tally, readings = (
+        p.here,
+        p.weight,
+        p.sample,
+        p.check,
+        p.good,
+        s.tally,
+        s.readings,
+    )
     v, o, node, depth, running = nodes[0].visible, -1, 0, 0, True
     while node >= 0:
         first = node * n_actions
