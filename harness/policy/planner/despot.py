@@ -17,9 +17,10 @@ from harness.policy.planner.scenarios import Bounds, Tree, back_up, empty_tree, 
 from harness.policy.planner.simulating import LONGEST, Model
 
 WORD = "despot"
-SCENARIOS, TRIALS, PENALTY = 500, 100, 0.01
+SCENARIOS, TRIALS, PENALTY = 100, 30, 0.01
 MOST_SCENARIOS = 10_000
 _SHARE = 0.95  # ξ: a trial leaves so much of the root's gap to the next ones
+_CLOSED = 1e-9
 
 
 class DESPOTPolicy:
@@ -113,26 +114,28 @@ _SETTINGS = {
 @compiled
 def _search(m: Model, b: Bounds, tree: Tree, stream: np.uint64, trials: int, penalty: float) -> bool:
     """Make trials; whether more of them could change anything."""
-    root = tree.nodes[0]
+    nodes = tree.nodes
     for _ in range(trials):
-        grown = tree.used[1]
         node = _explore(m, b, tree, stream, penalty)
         back_up(tree, m.n_actions, node)
-        if tree.used[1] == grown or root.upper - root.lower <= 1e-9:
+        no_room = nodes[node].edges < 0 and nodes[node].upper > nodes[node].lower
+        if no_room or nodes[0].upper - nodes[0].lower <= _CLOSED:
             return False
     return True
 
 
 @compiled
 def _explore(m: Model, b: Bounds, tree: Tree, stream: np.uint64, penalty: float) -> int:
-    """One trial; the node at which it ends (Ye et al. 2017, algorithm 3)."""
+    """One trial; the node at which it ends (Ye et al. 2017, algorithm 3).
+
+    A history at the depth limit, or one that λ rules out, is closed at what the default policy earns there.
+    """
     nodes, node, going = tree.nodes, 0, True
     target = _SHARE * (nodes[0].upper - nodes[0].lower) / len(tree.place)
     while going:
-        going = nodes[node].depth < m.horizon
-        if going and _blocked(nodes, tree.edges, node, penalty):
+        going = nodes[node].depth < m.horizon and not _blocked(nodes, tree.edges, node, penalty)
+        if not going:
             nodes[node].lower = nodes[node].upper = nodes[node].default
-            going = False
         if going and nodes[node].edges < 0:
             going = expand(m, b, tree, node, stream, penalty)
             back_up(tree, m.n_actions, node)

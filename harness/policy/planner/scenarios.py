@@ -1,7 +1,7 @@
 """DESPOT's tree: what every policy would meet in K scenarios, with bounds of what it earns there.
 
-A scenario is a hidden part drawn from the belief and one uniform number a step ahead, so that an action has one outcome.
-A node is a history that some scenarios share; nodes branch on what is visible next and what is read.
+A scenario is a hidden part drawn from the belief and a uniform number for every step ahead, so that an action has one
+outcome. A node is a history that some scenarios share; nodes branch on what is visible next and what is read.
 """
 
 from __future__ import annotations
