@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
     from harness.play.conformance import ConformanceError, check_domain, check_policy
+    from harness.play.driven import Driven
     from harness.play.evaluation import Evaluation, Score, evaluate
     from harness.policy import Policy
     from harness.registry import load, names
@@ -40,6 +41,7 @@ __all__ = [
     "Batch",
     "ConformanceError",
     "Domain",
+    "Driven",
     "Evaluation",
     "HarnessError",
     "JuliaError",
@@ -78,6 +80,7 @@ _HOME = {
     "Batch": "engine.batch",
     "ConformanceError": "play.conformance",
     "Domain": "model.domain",
+    "Driven": "play.driven",
     "Evaluation": "play.evaluation",
     "HarnessError": "errors",
     "JuliaError": "errors",

@@ -196,6 +196,8 @@ def _keep_ctrl_c(handler: Any) -> None:
     With its own signal handling Julia blocks SIGINT in every thread and waits for it in one of its own, so that
     Ctrl-C would not reach Python. Unblocked in the main thread, it is delivered there first.
     """
+    if handler is None:  # Python did not set it: Julia is the host, and Ctrl-C its business
+        return
     signal.signal(signal.SIGINT, handler)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -289,17 +291,23 @@ def from_file(path: Path) -> Domain:
     Raises:
         JuliaError: there is no such file, Julia is not set up, the file does not run, or does not end in a POMDP.
     """
+    made = _value_of(path)
+    if not julia().seval("x -> x isa POMDP")(made):
+        raise JuliaError(f"{path}: the last expression of the file must be a POMDPs.jl model (a POMDP)")
+    try:
+        return from_model(made, path.stem, f"from {path.name}")
+    except JuliaError as error:
+        raise JuliaError(f"{path.name}: {error}") from error
+
+
+def _value_of(path: Path) -> Any:
+    """What the last expression of a Julia file gives."""
     if not os.path.isfile(path):
         raise JuliaError(f"{quoted(path)}: no such file")
     jl = julia()
     import juliacall  # only now: where no Julia is set up, importing it reaches for the network
 
-    scope = juliacall.newmodule("UserModel")
-    scope.path = str(path.resolve())
-    made = call(scope.seval, "Base.include(@__MODULE__, path)")
-    if not jl.seval("x -> x isa POMDP")(made):
-        raise JuliaError(f"{path}: the last expression of the file must be a POMDPs.jl model (a POMDP)")
-    return from_model(made, path.stem, f"from {path.name}")
+    return call(jl.run_file, juliacall.newmodule("UserFile"), str(path.resolve()))
 
 
 def _from_model(made: Any, about: Mapping[str, Any], live: Any) -> Domain:
@@ -319,6 +327,8 @@ def solve(
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Solve a domain in Julia: what to record, and the alpha vectors (``visible``, ``actions`` 0-based, ``values``).
 
+    ``solver`` is one of ours by name, or a Julia file that ends in one (see :func:`planned`).
+
     ``progress(seconds, lower, upper)`` is called now and then by a solver that reports its bounds; when it returns
     False, the solver stops and what it has so far is the result.
 
@@ -326,6 +336,9 @@ def solve(
         JuliaError: the solver failed.
     """
     jl = julia()
+    if Path(solver).suffix == ".jl":
+        found = planned(domain, Path(solver))
+        return _solution(found.model, *call(jl.solve_file, found.value))
     made = model(domain)
     options = dict(options)
     if solver == "mdp":
@@ -336,19 +349,65 @@ def solve(
         as_bool = _started().seval("f -> (numbers...) -> PythonCall.pyconvert(Bool, f(numbers...))")
         options["progress"] = as_bool(progress)
     function = {"qmdp": jl.solve_qmdp, "sarsop": jl.solve_sarsop, "native-sarsop": jl.solve_native_sarsop}[solver]
-    alpha, record = call(function, made, **options)
+    return _solution(made, *call(function, made, **options))
+
+
+def _solution(made: Any, alpha: Any, record: Any) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     arrays = {
         "visible": exported_array(alpha.visible).astype(np.int32) - 1,
         "actions": exported_array(alpha.actions).astype(np.int32) - 1,
         "values": exported_array(alpha.values).astype(np.float32),
     }
-    return {**to_python(record), "initial_value": call(jl.initial_value, made, alpha)}, arrays
+    return {**to_python(record), "initial_value": call(julia().initial_value, made, alpha)}, arrays
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A policy of a Julia file, solved for a domain."""
+
+    value: Any
+    """A Julia ``Planned`` (julia/src/players.jl)."""
+    model: Any
+    """The harnessed Julia model that it is for."""
+    about: str
+    """Packages with their versions, solver and settings."""
+    quick: bool
+    """Whether it decides without planning."""
+    copy_size: int
+    """Bytes that each episode's copy of it takes, about."""
+
+
+def planned(domain: Domain, path: Path) -> Planned:
+    """The policy, or the solver's policy for the domain, that the last expression of a Julia file gives.
+
+    Raises:
+        JuliaError: there is no such file, Julia is not set up, the file does not run, or does not end in one of these.
+    """
+    value = _value_of(path)
+    jl = julia()
+    made = call(jl.planned, value, model(domain), str(path.resolve()))
+    return Planned(made, made.model, str(made.about), bool(jl.is_quick(made.policy)), int(jl.copy_size(made)))
+
+
+def players(planned: Planned, buffers: Mapping[str, NDArray[Any]]) -> Callable[[], None]:
+    """A function that writes into ``buffers["actions"]`` what the policy does next (see ``Players`` in julia/src)."""
+    jl = julia()
+    made = call(jl.Players, planned.value, _named_tuple(buffers))
+    watch = _started().seval("f -> () -> (f(); nothing)")(_listen)
+    return functools.partial(call, getattr(jl, "act!"), made, watch)
+
+
+def _listen() -> None:
+    """Nothing; while it runs, Python notices Ctrl-C."""
+
+
+def _named_tuple(buffers: Mapping[str, NDArray[Any]]) -> Any:
+    make = julia().seval("(names, arrays...) -> NamedTuple{Tuple(Symbol.(names))}(arrays)")
+    return make(tuple(buffers), *buffers.values())
 
 
 def simulator(domain: Domain, buffers: Mapping[str, NDArray[Any]]) -> tuple[Callable[[], None], Callable[[], None]]:
     """Functions that reset and step a batch of episodes in Julia, in place (see ``Simulator`` in julia/src)."""
     jl = julia()
-    names = tuple(buffers)
-    named_tuple = jl.seval("(names, arrays...) -> NamedTuple{Tuple(Symbol.(names))}(arrays)")
-    made = call(jl.Simulator, model(domain), named_tuple(names, *buffers.values()))
+    made = call(jl.Simulator, model(domain), _named_tuple(buffers))
     return functools.partial(call, getattr(jl, "reset!"), made), functools.partial(call, getattr(jl, "step!"), made)

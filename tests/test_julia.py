@@ -5,10 +5,15 @@ Julia is started once in this process; what must be seen from outside (Ctrl-C) r
 
 from __future__ import annotations
 
+import fcntl
 import os
+import pty
+import select
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 
@@ -241,20 +246,38 @@ def test_ctrl_c_with_julia_and_its_threads(tmp_path):
 
 
 def test_ctrl_c_stops_sarsop_and_keeps_what_it_has(tmp_path, rocksample):
+    """On a terminal of its own, where the solver's bounds are shown as they come."""
     path = tmp_path / "early.npz"
     command = [sys.executable, "-u", "-m", "harness", "solve", "rocksample-7x8", "--solver", "sarsop", "--time", "600"]
+    terminal, theirs = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))  # tqdm draws nothing on no columns
     with subprocess.Popen(
-        [*command, "--out", str(path)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
+        [*command, "--out", str(path)], stdout=subprocess.PIPE, stderr=theirs, text=True, start_new_session=True
     ) as process:
-        time.sleep(20)
+        os.close(theirs)
+        err = shown(terminal, until="lower")
         os.killpg(process.pid, signal.SIGINT)  # what a terminal does
-        out, err = process.communicate(timeout=60)
+        err += shown(terminal)
+        out = process.stdout.read()
+    os.close(terminal)
     assert process.returncode == 0, err
     assert "stopped early by Ctrl-C" in out
     solution = solutions.read(path, rocksample)
     assert solution.record["lower"] == pytest.approx(solution.record["initial_value"], abs=1e-3)
     assert solution.record["seconds"] < 60
+
+
+def shown(terminal, until=None):
+    """What a program shows on its terminal until a word comes up, or until it ends."""
+    text = ""
+    while until is None or until not in text:
+        assert select.select([terminal], [], [], 120)[0], f"nothing new for two minutes after {text[-300:]!r}"
+        try:
+            more = os.read(terminal, 4096)
+        except OSError:  # how Linux says that the other end is closed
+            more = b""
+        if not more:
+            assert until is None, text
+            break
+        text += more.decode(errors="replace")
+    return text

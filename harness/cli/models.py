@@ -13,6 +13,13 @@ OWN = "solved"
 SOLVERS = ("qmdp", "sarsop", "native-sarsop", "mdp")
 
 
+class _Solvers(tuple[str, ...]):
+    """Names that a shell completes; a Julia file is a choice too."""
+
+    def __contains__(self, text: object) -> bool:
+        return super().__contains__(text) or str(text).endswith(".jl")
+
+
 def register(commands: Any) -> None:
     """Add the commands to the parser."""
     julia = commands.add_parser("julia", help="say what of Julia is set up; set it up; test it")
@@ -29,8 +36,8 @@ def register(commands: Any) -> None:
     )
     domain_argument(solve)
     solve.add_argument(
-        "--solver", metavar="NAME", choices=(OWN, *SOLVERS), default=OWN,
-        help=f"{OWN} (default; needs no Julia), or in Julia {', '.join(SOLVERS)}",
+        "--solver", metavar="NAME", choices=_Solvers((OWN, *SOLVERS)), default=OWN,
+        help=f"{OWN} (default; needs no Julia), or in Julia {', '.join(SOLVERS)}, or FILE.jl that ends in a solver",
     )  # fmt: skip
     solve.add_argument("--gap", type=positive_number, metavar="X", help="end when the bounds are this close (0.01)")
     solve.add_argument("--time", type=positive_number, metavar="S", help="end after so many seconds (in Julia 600)")
@@ -124,7 +131,7 @@ def _solve_in_julia(options: argparse.Namespace) -> None:
     solution = julia.solve(domain, options.solver, limits)
     if options.keep_used:
         solution = only_used(domain, solution, options.keep_used)
-    path = options.out or Path(f"{domain.name}.{options.solver}.npz")
+    path = options.out or Path(f"{domain.name}.{Path(options.solver).stem}.npz")
     solutions.save(path, domain, solution)
     record, vectors = solution.record, len(solution.arrays.get("actions", []))
     found = ", ".join(f"{k} {v:.6g}" for k, v in record.items() if isinstance(v, float))

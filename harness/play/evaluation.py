@@ -146,6 +146,7 @@ def simulate(
     ``engine`` is ``tables`` or ``julia``. A fresh copy of the policy plays.
     The arrays of a record are overwritten by the next step.
     """
+    policies.check_engine(policy, engine)
     policy = fresh(policy)
     stepper = engines.make(engine, domain, count, getattr(policy, "uses_belief", True))
     batch = _view(stepper, seed, first)
@@ -155,7 +156,7 @@ def simulate(
     for step in range(1, horizon + 1):
         if stepper.done.all():
             return
-        actions = _checked(policy.act(batch), batch)
+        actions = checked(policy.act(batch), batch)
         active = ~stepper.done & (actions != STOP)
         if not active.any():
             return
@@ -176,7 +177,7 @@ def _view(stepper: Engine, seed: int, first: int) -> Batch:
     )
 
 
-def _checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
+def checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
     """The policy's actions as the engine takes them."""
     try:
         array = np.array(actions)  # a copy: who holds the policy's own may change it after it has been checked
@@ -230,6 +231,7 @@ def evaluate(
     check_played(episodes=episodes, seed=seed, first=first, horizon=horizon)
     threads = host.workers(workers)
     engine = engines.choose(engine, domain)
+    policies.check_engine(policy, engine)
     spec, made = policies.named(policy, domain)
     threads = 1 if engine == "julia" or not can_be_copied(made) else threads
     size = _batch_size(made, engine, episodes)

@@ -14,6 +14,7 @@ from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
 from harness.policy.graph import PolicyGraph
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
+from harness.policy.julia import SUFFIX, JuliaPolicy
 from harness.policy.planner import despot, pomcp
 from harness.policy.program import ProgramPolicy, stored_program
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
@@ -23,7 +24,17 @@ from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
 from harness.solver.solution import GRAPH_KIND, OWN, read
 
-__all__ = ["Policy", "check_from_data", "default_specs", "make", "make_from_data", "named", "names_code", "specs"]
+__all__ = [
+    "Policy",
+    "check_engine",
+    "check_from_data",
+    "default_specs",
+    "make",
+    "make_from_data",
+    "named",
+    "names_code",
+    "specs",
+]
 
 MOST_SIMULATIONS = 1_000_000
 """What ``rollout`` simulates of each action at most: a step then takes minutes, in which no Ctrl-C is heard."""
@@ -194,6 +205,7 @@ def specs(domain: Domain) -> dict[str, str]:
         **{kind.spec: kind.help for kind in _usable(domain)},
         **{name: f"of an installed package, {point.value}" for name, point in own.installed().items()},
         "FILE.py:NAME": "a class or function of yours; MODULE:NAME likewise",
+        f"FILE{SUFFIX}": "a policy or solver of POMDPs.jl, on the engine julia",
     }
 
 
@@ -210,6 +222,8 @@ def make(spec: str, domain: Domain) -> tuple[str, Policy]:
         PolicyError: the string means nothing on this domain, or its parameter is out of range.
         SnapshotError: a policy file is damaged or belongs to another model.
     """
+    if _is_julia(spec):
+        return spec, JuliaPolicy(domain, Path(spec))
     word, colon, text = spec.partition(":")
     kinds = {kind.word: kind for kind in _KINDS}
     if word not in kinds:
@@ -236,9 +250,25 @@ def _own(spec: str, domain: Domain) -> Policy:
     raise PolicyError(f"no policy {quoted(spec)}{hint} (on {domain.name}: {', '.join(specs(domain))})")
 
 
+def _is_julia(spec: str) -> bool:
+    return spec.endswith(SUFFIX) and "\n" not in spec and all(kind.word != spec.partition(":")[0] for kind in _KINDS)
+
+
+def check_engine(policy: str | Policy | None, engine: str) -> None:
+    """Make sure that a policy, which need not have been made yet, plays on an engine.
+
+    Raises:
+        PolicyError: it is a Julia file, and the engine is another than ``julia``.
+    """
+    needed = "julia" if isinstance(policy, str) and _is_julia(policy) else getattr(policy, "engine", engine)
+    if needed != engine:
+        name = quoted(policy) if isinstance(policy, str) else type(policy).__name__
+        raise PolicyError(f"{name} plays on the engine {needed}, not on {engine}; see `harness julia`")
+
+
 def names_code(spec: str) -> bool:
-    """Whether a policy string is the path of Python code, and no policy of the harness's."""
-    return own.is_path(spec) and all(kind.word != spec.partition(":")[0] for kind in _KINDS)
+    """Whether a policy string is the path of code, and no policy of the harness's."""
+    return _is_julia(spec) or (own.is_path(spec) and all(kind.word != spec.partition(":")[0] for kind in _KINDS))
 
 
 def check_from_data(spec: str, allow_code: bool = False) -> None:

@@ -18,7 +18,7 @@ from harness.policy.base import whole
 from harness.progress import Bar, Progress
 from harness.score import bounds, published
 from harness.score.paired import Paired, holm, paired
-from harness.score.table import COLUMNS, DIFFERENCES, Table
+from harness.score.table import COLUMNS, DETAILS, DIFFERENCES, Table
 from harness.solver.solution import Bounds
 
 
@@ -52,7 +52,7 @@ def compare(
 
     Returns:
         One row a policy and domain, columns :data:`~harness.score.table.COLUMNS`; with ``against`` also
-        :data:`~harness.score.table.DIFFERENCES`.
+        :data:`~harness.score.table.DIFFERENCES`, and with a Julia file :data:`~harness.score.table.DETAILS`.
 
     Raises:
         HarnessError: something in the arguments is wrong; nothing is run before all of them have been checked.
@@ -127,10 +127,10 @@ def _several(given: Any) -> list[Any]:
 def _entries(domain: Domain, policies: Any, against: str | Policy | None, engine: str) -> list[_Entry]:
     """The rows of one domain, all checked."""
     engine = engines.choose(engine, domain)
-    made = _named(policies, domain)
+    made = _named(policies, domain, engine)
     if not made:
         raise HarnessError("there are no policies to compare")
-    reference = None if against is None else _position(against, made, domain)
+    reference = None if against is None else _position(against, made, domain, engine)
     known = bounds.optimum(domain)
     return [
         _Entry(domain, engine, name, policy, k == reference, known or bounds.of_policy(policy))
@@ -138,27 +138,30 @@ def _entries(domain: Domain, policies: Any, against: str | Policy | None, engine
     ]
 
 
-def _named(policies: Any, domain: Domain) -> list[tuple[str, Policy | None]]:
+def _named(policies: Any, domain: Domain, engine: str) -> list[tuple[str, Policy | None]]:
     if policies is None:
         policies = [*specs.default_specs(domain), *bounds.default(domain)]
     if isinstance(policies, Mapping):
-        return [(str(name), _made(policy, domain)[1]) for name, policy in policies.items()]
-    return [_made(policy, domain) for policy in _several(policies)]
+        return [(str(name), _made(policy, domain, engine)[1]) for name, policy in policies.items()]
+    return [_made(policy, domain, engine) for policy in _several(policies)]
 
 
-def _made(policy: str | Policy, domain: Domain) -> tuple[str, Policy | None]:
-    return (policy, None) if _is_bound(policy) else specs.named(policy, domain)
+def _made(policy: str | Policy, domain: Domain, engine: str) -> tuple[str, Policy | None]:
+    if _is_bound(policy):
+        return policy, None
+    specs.check_engine(policy, engine)
+    return specs.named(policy, domain)
 
 
 def _is_bound(policy: str | Policy) -> TypeGuard[str]:
     return isinstance(policy, str) and policy in bounds.NAMES
 
 
-def _position(against: str | Policy, made: list[tuple[str, Policy | None]], domain: Domain) -> int:
+def _position(against: str | Policy, made: list[tuple[str, Policy | None]], domain: Domain, engine: str) -> int:
     """Which row the others are compared with; it is added to ``made`` where it is not there."""
     known = [name if isinstance(against, str) else policy for name, policy in made]
     if against not in known:
-        added = _made(against, domain)
+        added = _made(against, domain, engine)
         against = added[0] if isinstance(against, str) else against
         if against not in known:
             made.append(added)
@@ -215,8 +218,15 @@ def _cells(entry: _Entry, result: Evaluation) -> dict[str, Any]:
         "horizon": result.horizon,
         **result.score._asdict(),
         **bounds.share(result.score.discounted_mean, entry.optimum),
+        **_details(entry.policy),
         "reference": _reference(entry.domain.name, entry.name),
     }
+
+
+def _details(policy: Policy | None) -> dict[str, str]:
+    """What a policy says of its origin, where its name does not say it all."""
+    details = getattr(policy, "details", None)
+    return {DETAILS: details} if isinstance(details, str) else {}
 
 
 def _bound_cells(entry: _Entry, horizon: int) -> dict[str, Any]:
@@ -243,7 +253,8 @@ def _table(rows: list[_Row], entries: list[_Entry]) -> Table:
     """The rows finished, of all that were to be."""
     cells = [row.cells | more for row, more in zip(rows, _differences(rows, entries), strict=True)]
     compared = any(entry.reference for entry in entries)
-    return Table(cells, columns=[*COLUMNS, *(DIFFERENCES if compared else ())])
+    told = any(DETAILS in each for each in cells)
+    return Table(cells, columns=[*COLUMNS, *(DIFFERENCES if compared else ()), *([DETAILS] if told else ())])
 
 
 def _differences(rows: list[_Row], entries: list[_Entry]) -> list[dict[str, Any]]:

@@ -15,7 +15,7 @@ from tabulate import tabulate
 from harness.errors import HarnessError, nearest, quoted
 from harness.score import published
 from harness.score.aggregation import aggregate
-from harness.score.table import DIFFERENCES, by_domain, check_columns
+from harness.score.table import DETAILS, DIFFERENCES, by_domain, check_columns
 
 FORMATS = ("table", "markdown", "latex", "csv", "json")
 
@@ -207,13 +207,21 @@ def footnote(table: pd.DataFrame) -> str:
     lines += _about_optimum(table)
     if len(differences(table)):
         lines.append(_DIFFERENCES)
-    if table["policy"].map(lambda name: str(name).partition(":")[2].startswith("time=")).any():
+    if table["policy"].astype(str).str.contains("[:,]time=[0-9]+ms").any():
         lines.append(_CLOCK)
+    lines += _details(table)
     others = published.not_run_here(table["domain"].iloc[0], table["policy"].tolist())
     if others:
         figures = ", ".join(f"{p.method} {_plus_minus(p.value, p.error)}" for p in others)
         lines.append(f"Published, not run here (discounted): {figures}.")
     return "\n".join(lines)
+
+
+def _details(table: pd.DataFrame) -> list[str]:
+    if DETAILS not in table:
+        return []
+    told = table[table[DETAILS].notna()]
+    return [f"{row.policy}: {row.details}" for row in told.itertuples()]
 
 
 def _about_optimum(table: pd.DataFrame) -> list[str]:

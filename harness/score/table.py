@@ -53,6 +53,9 @@ DIFFERENCES = (
 """Further columns of a comparison ``against`` a policy: the fields of :class:`~harness.score.paired.Paired` for
 discounted and for undiscounted returns. The p-values are adjusted by Holm for all the tests of the table."""
 
+DETAILS = "details"
+"""Further column where a policy says more of itself than its name (a Julia file): packages, versions, settings."""
+
 
 class Table(pd.DataFrame):
     """What :func:`harness.compare` returns: a DataFrame that a notebook shows as the command does.

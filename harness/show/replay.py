@@ -75,6 +75,7 @@ def replay(
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
     engine = engines.choose(engine, domain)
+    policies.check_engine(spec, engine)
     spec, policy = policies.named(spec, domain)
     policy_belief = getattr(policy, "uses_belief", True)
     yield f"{domain.name}, policy {spec}, engine {engine}, seed {seed}, episode {episode}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from tqdm import tqdm
 
@@ -21,7 +22,7 @@ def solve(domain: Domain, solver: str, limits: Mapping[str, float]) -> Solution:
 
     Args:
         domain: what to solve.
-        solver: which solver.
+        solver: which solver, or a Julia file that ends in a solver or a policy of POMDPs.jl.
         limits: ``timeout`` (seconds) and ``precision`` of the SARSOP solvers; their defaults are 600 and 0.001.
 
     Ctrl-C stops ``sarsop`` early: what it has by then is the result, and its record holds the bounds reached.
@@ -31,7 +32,7 @@ def solve(domain: Domain, solver: str, limits: Mapping[str, float]) -> Solution:
         JuliaError: Julia is not set up, or the solver failed.
     """
     if limits and solver not in TIMED:
-        raise HarnessError(f"{next(iter(limits))} is a limit of {' and '.join(TIMED)}; {solver} has none")
+        raise HarnessError(f"{next(iter(limits))} is a limit of {' and '.join(TIMED)}; {Path(solver).name} has none")
     with tqdm(desc=f"{solver} on {domain.name}", bar_format="{desc} {elapsed} {postfix}", disable=None) as bar:
         interrupted = threading.Event()
 

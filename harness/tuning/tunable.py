@@ -92,7 +92,7 @@ def tunable(spec: str | Tunable, domain: Domain) -> Tunable:
         if isinstance(spec, Tunable):
             return spec
         raise PolicyError(f"{type(spec).__name__} cannot be tuned: an object of the Tunable protocol is needed")
-    if policies.names_code(spec) and own.is_there(spec):
+    if own.is_path(spec) and policies.names_code(spec) and own.is_there(spec):
         return own.load(spec, domain, Tunable, _WHAT)
     if "\n" in spec:
         return Constants(parse(spec, words_of(domain)))

@@ -18,6 +18,7 @@ using StaticArrays: SVector, setindex
 
 export RockSample, RockState, BorderCross, BorderState, FactoredUpdater, FactoredBelief, belief_updater
 export UP, RIGHT, DOWN, LEFT, SAMPLE, COOPERATE, check, instance
+export OutsidePolicy, python_policy
 export action_names, observation_names, belief_features, layout, shapings, shaped
 
 include("interface.jl")
@@ -28,6 +29,9 @@ include("updater.jl")
 include("simulator.jl")
 include("tables.jl")
 include("instances.jl")
+include("userfiles.jl")
+include("players.jl")
+include("outside.jl")
 include("baselines/alpha.jl")
 include("baselines/mdp.jl")
 include("baselines/qmdp.jl")

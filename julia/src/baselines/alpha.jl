@@ -25,6 +25,10 @@ function AlphaVectors(m::POMDP, policy::AlphaVectorPolicy)
     return AlphaVectors(m, vectors)
 end
 
+AlphaVectors(::POMDP, policy::Policy) = throw(
+    ArgumentError("a $(nameof(typeof(policy))) has no alpha vectors to store; play the file itself (--policy FILE.jl)"),
+)
+
 function AlphaVectors(m::POMDP, vectors::Vector{Tuple{Int,Int,Vector{Float64}}})
     kept = eltype(vectors)[]
     for v in 1:nvisible(m)

@@ -10,10 +10,13 @@ function solve_native_sarsop(m::POMDP; timeout::Real = 600, precision::Real = 1e
     lower = NativeSARSOP.BlindLowerBound(; max_iter = 100_000, max_time = Inf, bel_res = tolerance)
     solver = NativeSARSOP.SARSOPSolver(; max_time = Float64(timeout), precision = Float64(precision), verbose = false, init_lower = lower, init_upper = upper)
     started = time()
-    policy, info = POMDPTools.solve_info(solver, m)
+    policy, info = POMDPTools.solve_info(solver, with_visible(m))
     record = Dict{String,Any}(
         "solver" => "NativeSARSOP.jl", "timeout" => timeout, "precision" => precision, "tolerance" => tolerance,
         "seconds" => time() - started, "lower" => info.tree.V_lower[1], "upper" => info.tree.V_upper[1],
     )
     return AlphaVectors(m, policy), record
 end
+
+"The model with its visible part among the observations, for solvers that know of no visible part."
+with_visible(m::POMDP) = m
