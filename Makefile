@@ -47,6 +47,7 @@ bench: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.evolution
 	$(BIN)/python -m benchmarks.solver
 	$(BIN)/python -m benchmarks.gym
+	$(BIN)/python -m benchmarks.planners
 
 fuzz: $(VENV)/.installed-dev # hostile inputs: files, texts, command lines
 	$(BIN)/python -m tests.fuzz --count 100000

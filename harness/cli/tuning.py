@@ -37,13 +37,16 @@ def register(commands: Any) -> None:
     sweep = commands.add_parser("sweep", help="the return over one number of a policy")
     domain_argument(sweep, resumable=True)
     sweep.add_argument(
-        "--policy", metavar="SPEC", help="a policy with a number: belief, program:FILE, a Tunable own.py:NAME"
+        "--policy",
+        metavar="SPEC",
+        help="a policy with a number: belief, program:FILE, a planner (pomcp), a Tunable own.py:NAME",
     )
     sweep.add_argument("--parameter", metavar="NAME", help="which number, where the policy has several")
     sweep.add_argument("--from", dest="start", type=number, metavar="X", help="default: the number's lower bound")
     sweep.add_argument("--to", dest="stop", type=number, metavar="X", help="default: its upper bound")
-    sweep.add_argument("--points", type=positive, metavar="N", help="default 51")
-    episode_arguments(sweep, episodes="at each point (default 10000)", resumable=True)
+    sweep.add_argument("--points", type=positive, metavar="N", help="default 51, with --log three a decade")
+    sweep.add_argument("--log", action="store_const", const=True, help="steps of equal ratio: --from 10 --to 100000")
+    episode_arguments(sweep, episodes="at each point (default 10000, of a planner 1000)", resumable=True)
     _folder_arguments(sweep, "keep sweep.json, sweep.csv and sweep.png there")
     sweep.set_defaults(run=_sweep)
 
@@ -129,7 +132,7 @@ def _say_how_to_go_on(command: str, options: argparse.Namespace) -> None:
 def _swept(options: argparse.Namespace) -> pd.DataFrame:
     from harness.tuning import sweeping
 
-    named = ("parameter", "start", "stop", "points", "episodes", "seed", "horizon")
+    named = ("parameter", "start", "stop", "points", "log", "episodes", "seed", "horizon")
     given = {name: value for name in named if (value := getattr(options, name)) is not None}
     execution = {"policy": options.policy, "engine": options.engine, "progress": True}
     if options.resume is not None:
@@ -153,7 +156,11 @@ def _rows(table: pd.DataFrame) -> str:
         [f"{r[name]:g}", f"{r['mean']:.2f} ± {r['sem']:.2f}", f"{r['discounted_mean']:.2f} ± {r['discounted_sem']:.2f}"]
         for _, r in table.iterrows()
     ]
-    text = tabulate(lines, headers=[name, "return", "discounted"], disable_numparse=True, stralign="right")
+    headers = [name, "return", "discounted"]
+    if "milliseconds" in table:
+        headers.append("ms an action")
+        lines = [[*line, f"{took:.3g}"] for line, took in zip(lines, table["milliseconds"], strict=True)]
+    text = tabulate(lines, headers=headers, disable_numparse=True, stralign="right")
     by = f"{name} = {best[name]:g}" if "\n" in best["policy"] else best["policy"]
     return f"{text}\n\nhighest return: {best['mean']:.2f} ± {best['sem']:.2f} by {by}"
 

@@ -16,3 +16,12 @@ def next_uniform(state: NDArray[np.uint64]) -> float:
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return np.float64((z ^ (z >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
+
+
+@inlined
+def uniform_at(seed: np.uint64, n: int) -> float:
+    """The n-th number (from 0) that :func:`next_uniform` gives from a state of ``seed``, without those before it."""
+    z = seed + np.uint64(0x9E3779B97F4A7C15) * np.uint64(n + 1)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.float64((z ^ (z >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53

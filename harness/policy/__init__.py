@@ -15,6 +15,7 @@ from harness.policy.base import Policy
 from harness.policy.graph import PolicyGraph
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
 from harness.policy.julia import SUFFIX, JuliaPolicy
+from harness.policy.planner import despot, pomcp
 from harness.policy.program import ProgramPolicy, stored_program
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
 from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
@@ -38,6 +39,9 @@ __all__ = [
 MOST_SIMULATIONS = 1_000_000
 """What ``rollout`` simulates of each action at most: a step then takes minutes, in which no Ctrl-C is heard."""
 
+LARGE = 1_000_000
+"""States beyond which a table has rows of the online planners: what is smaller is solved."""
+
 SOLVED = ("qmdp", "sarsop", "native-sarsop")
 EVOLVED = {"ge": "evolved by the paper's grammar", "ge-feedback": "evolved by a grammar with feedback"}
 """Programs of our own runs, kept with the package where there is one for a domain."""
@@ -58,6 +62,8 @@ class _Kind:
     """Whether it is written ``word:FILE``."""
     optional: bool = False
     """Whether an argument may be given although there is no default one."""
+    plans: bool = False
+    """Whether it is an online planner, for which tables have a row only where the domain is large."""
 
     def suits(self, domain: Domain) -> bool:
         return self.layout in ("", domain.layout["kind"])
@@ -137,6 +143,20 @@ _KINDS = (
     _Kind("exit", "always right", lambda d, _: ExitPolicy(d), layout="rocksample"),
     _Kind("rollout", "best action by N simulations of random-legal each", _rollout, str(SIMULATIONS_DEFAULT)),
     _Kind(
+        pomcp.WORD,
+        "tree search by N simulations (time=100ms: as many as fit; exploration=X,rollout=legal|preferred,depth=N)",
+        pomcp.make,
+        str(pomcp.SIMULATIONS),
+        plans=True,
+    ),
+    _Kind(
+        despot.WORD,
+        "search of a tree over N scenarios, between bounds (trials=N, or time=100ms; lambda=X,depth=N)",
+        despot.make,
+        str(despot.SCENARIOS),
+        plans=True,
+    ),
+    _Kind(
         "accuracy",
         "paper's Algorithm 2, threshold λ",
         lambda d, text: AccuracyPolicy(d, _threshold(text, "accuracy")),
@@ -191,7 +211,8 @@ def specs(domain: Domain) -> dict[str, str]:
 
 def default_specs(domain: Domain) -> list[str]:
     """The policies of the domain's baseline table."""
-    return [kind.spec for kind in _usable(domain) if not kind.needs_file]
+    large = domain.n_states > LARGE
+    return [kind.spec for kind in _usable(domain) if not kind.needs_file and (large or not kind.plans)]
 
 
 def make(spec: str, domain: Domain) -> tuple[str, Policy]:

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from harness.engine.batch import Batch
 from harness.model.domain import Domain
 from harness.model.splitmix import next_uniform
-from harness.model.tables import Records, Tables, compiled, draw_outcome, inlined, row_of
+from harness.model.tables import Records, Tables, compiled, draw_outcome, row_of
 from harness.policy.base import Stateless
+from harness.policy.planner.simulating import draw_hidden, random_legal
 
 SIMULATIONS_DEFAULT = 100
 
@@ -44,38 +45,6 @@ class RolloutPolicy(Stateless):
         return actions
 
 
-@inlined
-def _draw_hidden(
-    factor_offset: NDArray[np.int64],
-    marginals: NDArray[np.float64],
-    e: int,
-    state: NDArray[np.uint64],
-    hidden: NDArray[np.int16],
-) -> None:
-    """Values of all factors from the belief of episode ``e``, into ``hidden[0]``."""
-    for k in range(len(factor_offset) - 1):
-        first = factor_offset[k]
-        u = next_uniform(state)
-        total = 0.0
-        for x in range(factor_offset[k + 1] - first):
-            if marginals[e, first + x] > 0.0:
-                hidden[0, k] = x
-                total += marginals[e, first + x]
-                if u < total:
-                    break
-
-
-@inlined
-def _random_legal(
-    choices: Records, rows: Records, n_actions: int, v: int, values: NDArray[np.int16], state: NDArray[np.uint64]
-) -> int:
-    """Uniform over the actions that are legal in the simulated state."""
-    while True:  # rejection: nearly all actions are legal nearly everywhere, and one always is
-        a = int(next_uniform(state) * n_actions)
-        if rows[row_of(choices, v * n_actions + a, values, 0)].legal:
-            return a
-
-
 @compiled
 def _simulate(
     choices: Records,
@@ -102,7 +71,7 @@ def _simulate(
         v = outcomes[i].visible
         if outcomes[i].ends:
             break
-        a = _random_legal(choices, rows, n_actions, v, values, state)
+        a = random_legal(choices, rows, n_actions, v, values, state)
     return total
 
 
@@ -130,7 +99,7 @@ def _rollout_act(
         state[0] = seeds[e]
         totals[:] = 0.0
         for _ in range(simulations):
-            _draw_hidden(factor_offset, marginals, e, state, hidden)
+            draw_hidden(factor_offset, marginals, e, state, hidden)
             for a in range(n_actions):
                 for k in range(n_factors):
                     values[0, k] = hidden[0, k]

@@ -17,7 +17,7 @@ from harness.ge.runs import folders_of
 from harness.play.evaluation import Score
 from harness.report import records
 from harness.score.table import COLUMNS, DIFFERENCES, SHARES
-from harness.tuning import journal
+from harness.tuning import budgets, journal
 from harness.tuning.outcome import Gain
 
 
@@ -124,7 +124,8 @@ def _comparisons(frame: pd.DataFrame, path: Path) -> list[pd.DataFrame]:
 
 
 def _is_sweep(frame: pd.DataFrame) -> bool:
-    return list(frame.columns[:1]) == ["policy"] and list(frame.columns[2:]) == list(Score._fields)
+    known = [list(Score._fields), [*Score._fields, budgets.COLUMN]]
+    return list(frame.columns[:1]) == ["policy"] and list(frame.columns[2:]) in known
 
 
 def _sweep(frame: pd.DataFrame, path: Path) -> pd.DataFrame:

@@ -46,6 +46,16 @@ def sweep_body(sweep: Sweep) -> str:
         Chart("Discounted return", label, "discounted return (reward)", frame[name], [discounted], best=True)
     )
     highest = f"{plus_minus(best['mean'], best['sem'])} by {best['policy']}"
+    if "milliseconds" in frame:
+        figures.append(
+            Chart(
+                "Time",
+                "milliseconds an action (of one core, on the machine that ran it)",
+                charts.RETURN,
+                frame["milliseconds"],
+                [undiscounted],
+            )
+        )
     return facts({"highest return": highest, "episodes at each point": episodes}) + "".join(
         charts.figure(each) for each in figures
     )

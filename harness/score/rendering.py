@@ -21,6 +21,7 @@ FORMATS = ("table", "markdown", "latex", "csv", "json")
 
 _TABULATE = {"table": "simple", "markdown": "github", "latex": "latex_booktabs"}
 _SMALL = 0.001  # p-values below are shown as such
+_CLOCK = "A policy that is given a time (time=…ms) depends on the machine: its row does not come out again."
 _DIFFERENCES = """less: mean difference over the episodes that both have met ± standard error; better: probability of
 earning more in an episode (ties count half); p: two-sided paired t-test, adjusted by Holm for all of the table."""
 _OVERALL = """Over all domains, each scaled so that random-legal is 0 and the upper bound 1; in brackets 95 % intervals
@@ -206,6 +207,8 @@ def footnote(table: pd.DataFrame) -> str:
     lines += _about_optimum(table)
     if len(differences(table)):
         lines.append(_DIFFERENCES)
+    if table["policy"].astype(str).str.contains("[:,]time=[0-9]+ms").any():
+        lines.append(_CLOCK)
     lines += _details(table)
     others = published.not_run_here(table["domain"].iloc[0], table["policy"].tolist())
     if others:

@@ -48,6 +48,9 @@ def sweep_figure(table: pd.DataFrame, title: str = "") -> Figure:
         fontsize=9,
     )
     top.set_xlabel(f"{name} (no unit)")
+    if name == "simulations":
+        top.set_xscale("log")
+        top.set_xlabel("simulations an action")
     figure.suptitle(title, fontsize=10)
     legend(whole, 2)
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,10 @@ SWEEP, ROWS = "sweep.json", "sweep.csv"
 class Rows:
     """Rows of a sweep in the order of its values, in memory and, where there is a folder, in its ``sweep.csv``."""
 
-    def __init__(self, name: str, folder: Path | None = None) -> None:
-        """``name``: of the number swept."""
+    def __init__(self, name: str, folder: Path | None = None, more: Sequence[str] = ()) -> None:
+        """``name``: of the number swept; ``more``: further columns of numbers."""
         self.folder = folder
-        self.columns = ["policy", name, *Score._fields]
+        self.columns = ["policy", name, *Score._fields, *more]
         self._rows: list[list[Any]] = []
 
     def begin(self, config: Mapping[str, Any], resume: bool) -> None:
@@ -49,9 +49,9 @@ class Rows:
             raise self._damaged(f"row {i + 1} is not of {policy.partition(chr(10))[0]}")
         return True
 
-    def add(self, policy: str, x: float, score: Score) -> None:
+    def add(self, policy: str, x: float, score: Score, *more: float) -> None:
         """The next row."""
-        self._rows.append([policy, x, *score])
+        self._rows.append([policy, x, *score, *more])
         if self.folder is not None:
             files.replace_text(self.folder / ROWS, self.table().to_csv(index=False, lineterminator="\n"))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,13 +17,15 @@ from harness import policy as policies
 from harness.errors import HarnessError, quoted
 from harness.model.domain import Domain
 from harness.play.evaluation import EPISODES, HORIZON, evaluate
+from harness.policy.planner.pomcp import POMCPPolicy
 from harness.progress import Bar, Progress
-from harness.tuning import journal
+from harness.tuning import budgets, journal
 from harness.tuning.method import MOST_EPISODES, MOST_STEPS, check_number
 from harness.tuning.rows import SWEEP, Rows
 from harness.tuning.tunable import Tunable, index_of, tunable
 
 POINTS = 51
+_A_DECADE = 3
 MOST_POINTS = 10_000
 """The most values of a sweep."""
 
@@ -37,8 +41,9 @@ def sweep(
     parameter: str | None = None,
     start: float | None = None,
     stop: float | None = None,
-    points: int = POINTS,
-    episodes: int = EPISODES,
+    points: int | None = None,
+    log: bool = False,
+    episodes: int | None = None,
     seed: int = 0,
     horizon: int = HORIZON,
     engine: str = "auto",
@@ -51,13 +56,15 @@ def sweep(
 
     Args:
         domain: a domain or its name. Scores are of the true reward, whatever the domain's shaping.
-        policy: a policy string such as ``belief``, or an object of the Tunable protocol.
+        policy: a policy string such as ``belief``, or an object of the Tunable protocol; a planner (``pomcp``) is swept
+            over its simulations, and its rows say the ``milliseconds`` an action.
         values: of the number; by default ``points`` equal steps from ``start`` to ``stop``.
         parameter: which number; may be left out where there is only one.
         start: first value (default: the number's lower bound).
         stop: last value (default: its upper bound).
-        points: how many values, both ends included.
-        episodes: at each value.
+        points: how many values, both ends included; by default 51, and three a decade where the steps are of ratio.
+        log: steps of equal ratio.
+        episodes: at each value; by default 10,000, and 1,000 of a planner.
         seed: all values meet the same initial states and the same random numbers.
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.
@@ -77,9 +84,12 @@ def sweep(
     """
     domain = (registry.load(domain) if isinstance(domain, str) else domain).shaped("none")
     engine = engines.choose(engine, domain)
-    subject = tunable(policy, domain)
+    planner = budgets.of_planner(policy, domain)
+    subject: Tunable = tunable(policy, domain) if planner is None else planner
     k = index_of(subject, parameter)
-    values = _values(subject, k, values, start, stop, points)
+    values = _values(subject, k, values, start, stop, points, log)
+    if episodes is None:
+        episodes = EPISODES if planner is None else POMCPPolicy.max_episodes
     check_number("episodes", episodes, True, 1, MOST_EPISODES)
     check_number("horizon", horizon, True, 1, MOST_STEPS)
     check_number("seed", seed, True, 0, 2**64 - 1)
@@ -96,23 +106,23 @@ def sweep(
         "model_hash": domain.model_hash,
     }
     config = {"run": parameters, "versions": host.versions("numpy", "numba"), "engine": engine}
-    kept = Rows(subject.names[k], None if out is None else Path(out))
+    timed = () if planner is None else (budgets.COLUMN,)
+    kept = Rows(subject.names[k], None if out is None else Path(out), timed)
     kept.begin(config, resume)
     with Bar(progress, len(values), desc=f"sweep of {subject.names[k]}", unit="point") as bar:
         for i, x in enumerate(values):
             theta = subject.start.copy()
             theta[k] = x
             if not kept.has(i, subject.text(theta), x, episodes):
-                played = evaluate(
-                    domain,
-                    subject.policy(theta),
-                    episodes=episodes,
-                    seed=seed,
-                    horizon=horizon,
-                    engine=engine,
-                    workers=workers,
-                )
-                kept.add(subject.text(theta), x, played.score)
+                made = subject.policy(theta)
+                settings: dict[str, Any] = {"seed": seed, "horizon": horizon, "engine": engine, "workers": workers}
+                if planner is not None:  # what is compiled at its first use is none of the first row's time
+                    evaluate(domain, planner.policy(planner.lower), **settings | {"episodes": 1, "horizon": 1})
+                begun = time.process_time()
+                played = evaluate(domain, made, episodes=episodes, **settings)
+                took = time.process_time() - begun
+                more = [budgets.milliseconds(took, played) for _ in timed]
+                kept.add(subject.text(theta), x, played.score, *more)
             bar.update()
     return kept.table()
 
@@ -143,14 +153,22 @@ def resume(
 
 
 def _values(
-    subject: Tunable, k: int, values: Sequence[float] | None, start: float | None, stop: float | None, points: int
+    subject: Tunable,
+    k: int,
+    values: Sequence[float] | None,
+    start: float | None,
+    stop: float | None,
+    points: int | None,
+    log: bool,
 ) -> list[float]:
     """The values of number ``k`` as given or evenly spaced, checked."""
     low, high = float(subject.lower[k]), float(subject.upper[k])
     if values is None:
         ends = low if start is None else _number("start", start), high if stop is None else _number("stop", stop)
         _check_range(subject.names[k], ends, low, high)
-        values = _grid(*ends, points)
+        values = _grid(*ends, points, log)
+        if isinstance(subject, budgets.Simulations):  # whole ones, each once
+            values = sorted({float(round(x)) for x in values})
     if not 0 < len(values) <= MOST_POINTS:
         raise HarnessError(f"a sweep needs values, {MOST_POINTS:,} at most, not {len(values):,}")
     values = [_number("a value of a sweep", x) for x in values]
@@ -170,9 +188,14 @@ def _number(name: str, x: float) -> float:
         raise HarnessError(f"{name} must be a number, not {quoted(x)}") from None
 
 
-def _grid(start: float, stop: float, points: int) -> list[float]:
-    if not 2 <= points <= MOST_POINTS:
-        raise HarnessError(f"a sweep has 2 points or more, {MOST_POINTS:,} at most, not {quoted(points)}")
+def _grid(start: float, stop: float, points: int | None, log: bool) -> list[float]:
     if not start < stop:
         raise HarnessError(f"a sweep goes upward: from {start:g} to {stop:g} there is nothing")
-    return [round(float(x), _DECIMALS) for x in np.linspace(start, stop, points)]
+    if log and start <= 0:
+        raise HarnessError(f"steps of equal ratio begin above 0, not at {start:g}; say where (--from)")
+    if points is None:
+        points = max(2, 1 + round(_A_DECADE * math.log10(stop / start))) if log else POINTS
+    if not 2 <= points <= MOST_POINTS:
+        raise HarnessError(f"a sweep has 2 points or more, {MOST_POINTS:,} at most, not {quoted(points)}")
+    spaced = np.geomspace if log else np.linspace
+    return [round(float(x), _DECIMALS) for x in spaced(start, stop, points)]
