@@ -14,12 +14,15 @@ from harness import host, locking, registry
 from harness import policy as policies
 from harness.errors import HarnessError, quoted
 from harness.model.domain import Domain
-from harness.play.evaluation import EPISODES, HORIZON, evaluate
+from harness.play import executor
+from harness.play.evaluation import EPISODES, HORIZON, Score
 from harness.progress import Bar, Progress
 from harness.tuning import journal
 from harness.tuning.method import MOST_EPISODES, MOST_STEPS, check_number
+from harness.tuning.objective import Episodes
+from harness.tuning.outcome import brief
 from harness.tuning.rows import SWEEP, Rows
-from harness.tuning.tunable import Tunable, index_of, tunable
+from harness.tuning.tunable import Tunable, Vector, index_of, tunable
 
 POINTS = 51
 MOST_POINTS = 10_000
@@ -98,21 +101,19 @@ def sweep(
     config = {"run": parameters, "versions": host.versions("numpy", "numba"), "engine": engine}
     kept = Rows(subject.names[k], None if out is None else Path(out))
     kept.begin(config, resume)
+    thetas = [_with(subject.start, k, x) for x in values]
+    known = sum(
+        kept.has(i, subject.text(theta), x, episodes) for i, (theta, x) in enumerate(zip(thetas, values, strict=True))
+    )
+    played = Episodes(domain, subject, seed, horizon, "return", engine, workers, range=0)
+    away = executor.current() if engine == "tables" else None
+    scores = executor.ordered(
+        away, _score, thetas[known:], played, episodes, name=lambda theta: brief(subject.text(theta))
+    )
     with Bar(progress, len(values), desc=f"sweep of {subject.names[k]}", unit="point") as bar:
-        for i, x in enumerate(values):
-            theta = subject.start.copy()
-            theta[k] = x
-            if not kept.has(i, subject.text(theta), x, episodes):
-                played = evaluate(
-                    domain,
-                    subject.policy(theta),
-                    episodes=episodes,
-                    seed=seed,
-                    horizon=horizon,
-                    engine=engine,
-                    workers=workers,
-                )
-                kept.add(subject.text(theta), x, played.score)
+        bar.update(known)
+        for theta, x, score in zip(thetas[known:], values[known:], scores, strict=True):
+            kept.add(subject.text(theta), x, score)
             bar.update()
     return kept.table()
 
@@ -140,6 +141,17 @@ def resume(
         stored["policy"] = policy
     loaded = registry.load_from_data(named) if domain is None else domain
     return sweep(loaded, **stored, out=folder, resume=True, **execution)
+
+
+def _with(theta: Vector, k: int, x: float) -> Vector:
+    changed = theta.copy()
+    changed[k] = x
+    return changed
+
+
+def _score(played: Episodes, episodes: int, theta: Vector) -> Score:
+    """The score at a point."""
+    return played.play(theta, episodes, played.seed).score
 
 
 def _values(
