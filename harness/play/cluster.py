@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness import files, host
 from harness.errors import HarnessError, nearest, quoted
-from harness.play.executor import Stored, Workers, fingerprint, using
+from harness.play.executor import Stored, Workers, current, fingerprint, using
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -49,6 +49,19 @@ def cluster(where: str | Client) -> Iterator[None]:
     """
     with _workers(where) as workers, using(workers):
         yield
+
+
+@contextlib.contextmanager
+def workers_for(count: int, *, away: bool = True) -> Iterator[Workers | None]:
+    """Those of the surrounding :func:`cluster`, unless the work cannot go ``away``; else ``count`` processes of this
+    machine, or for a single one None, which is this process itself."""
+    if away and (found := current()) is not None:
+        yield found
+    elif count == 1:
+        yield None
+    else:
+        with processes(count) as made:
+            yield made
 
 
 def _workers(where: str | Client) -> contextlib.AbstractContextManager[Workers]:
@@ -123,8 +136,8 @@ class _Processes:
         if self._executor._flags.broken is not None:
             self._executor = self._new()
 
-    def close(self) -> None:
-        self._executor.shutdown(kill_workers=True)
+    def close(self, *, at_once: bool) -> None:
+        self._executor.shutdown(kill_workers=at_once)
 
 
 @contextlib.contextmanager
@@ -134,8 +147,10 @@ def processes(count: int) -> Iterator[Workers]:
         workers = _Processes(count, Path(folder))
         try:
             yield workers
-        finally:
-            workers.close()
+        except BaseException:
+            workers.close(at_once=True)
+            raise
+        workers.close(at_once=False)
 
 
 class _Dask:

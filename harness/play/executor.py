@@ -122,11 +122,8 @@ def ordered(
 ) -> Iterator[_Result]:
     """Yield ``function(*shared, item)`` for every item in their order, each as soon as it and all before it are there.
 
-    Arguments and errors are those of :func:`each`; without workers the function is called here, for one after another.
+    Arguments and errors are those of :func:`each`.
     """
-    if workers is None:
-        yield from (function(*shared, item) for item in items)
-        return
     found: dict[int, _Result] = {}
     following = 0
     numbered = each(
@@ -150,7 +147,7 @@ class _Task(NamedTuple):
 
 
 def each(
-    workers: Workers,
+    workers: Workers | None,
     function: Callable[..., _Result],
     items: Sequence[_Item] | deque[_Item],
     *shared: object,
@@ -160,7 +157,7 @@ def each(
     """Yield every item with ``function(*shared, item)``, in the order in which the results come.
 
     Args:
-        workers: where.
+        workers: where; None: in this thread, one after another.
         function: of a module, so that workers find it by its name. Its arguments, its results and what it raises are
             pickled.
         items: small things. Of a deque they are taken away, and more may be added to it meanwhile.
@@ -173,6 +170,11 @@ def each(
             Tasks under way are cancelled then, as by Ctrl-C or when the iterator is closed.
     """
     waiting = items if isinstance(items, deque) else deque(items)
+    if workers is None:
+        while waiting:
+            item = waiting.popleft()
+            yield item, function(*shared, item)
+        return
     call, pace, again = _Call(workers, function, shared), _Pace(alike), deque[_Task]()
     under_way: dict[Future[Any], _Task] = {}
     last_seen = time.monotonic()
