@@ -251,7 +251,7 @@ def _local(count: int) -> Iterator[Workers]:
 def _jobs(kind: str, path: Path) -> Iterator[Workers]:
     """A scheduler here, its workers jobs of a batch system."""
     count, options = job_options(path)
-    made = getattr(_needed("dask_jobqueue"), _BATCH_SYSTEMS[kind])(**options)
+    made = getattr(_needed("dask_jobqueue"), _BATCH_SYSTEMS[kind])(**options, scheduler_options={"dashboard_address": ":0"})
     with made, _connected(made) as client:
         made.scale(jobs=count)
         with _of_client(client) as workers:
