@@ -27,7 +27,7 @@ def client(rocksample):
     """Two workers of Dask; what they will need has been compiled here before."""
     distributed = pytest.importorskip("distributed", reason="needs pomdp-harness[cluster]")
     harness.evaluate(rocksample, "belief:0.84", episodes=2, engine="tables")
-    options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
+    options = {"threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": 50}
     with distributed.LocalCluster(n_workers=2, **options) as made, distributed.Client(made) as connected:
         yield connected
 
@@ -108,7 +108,7 @@ class TestEach:
     def test_a_domain_is_not_sent_with_its_policies(self, rocksample):
         shared = (rocksample, make("belief:0.84", rocksample)[1], rocksample.shaped("none"))
         packed, domains = executor.pack(shared)
-        assert len(packed) < len(pickle.dumps(rocksample)) / 10
+        assert len(packed) < 20_000 < len(pickle.dumps(rocksample))
         assert list(domains.values()) == [rocksample]
         assert executor.unpack(packed, domains)[0] is rocksample
 
@@ -234,7 +234,7 @@ class TestDask:
     def test_a_scheduler_that_is_gone_ends_it_in_a_sentence(self, client, rocksample):
         import distributed
 
-        options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
+        options = {"threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": 50}
         made = distributed.LocalCluster(n_workers=1, **options)
         with (
             distributed.Client(made, timeout=2) as connected,

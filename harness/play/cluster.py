@@ -29,6 +29,7 @@ FORMS = "tcp://HOST:PORT, local:N, processes:N, threads:N, slurm:FILE.toml or pb
 CONNECT = 10.0
 """Seconds to wait for a scheduler."""
 
+_ANY_PORT = {"dashboard_address": ":0"}  # the usual one may be taken by a neighbour's cluster
 _SHARED = 8  # domains and large policies that workers keep at a time
 
 
@@ -165,6 +166,7 @@ class _Dask:
     def slots(self) -> int:
         """Looked up once a second: a worker may join late."""
         if time.monotonic() - self._looked > 1:
+            self._wait_for_scheduler()
             with _told(self.name):
                 self._slots = sum(self._client.nthreads().values())
             self._looked = time.monotonic()
@@ -183,13 +185,17 @@ class _Dask:
 
     def recover(self) -> None:
         """What was scattered may be gone with the worker that had it, or with the scheduler."""
+        self._wait_for_scheduler()
+        self._shared.clear()
+        self._looked = -float("inf")
+
+    def _wait_for_scheduler(self) -> None:
+        """The client connects again by itself, if somebody is there."""
         until = time.monotonic() + CONNECT
         while self._client.status != "running" and time.monotonic() < until:
             time.sleep(0.1)
         if self._client.status != "running":
             raise HarnessError(f"the scheduler {self.name} is gone; start one again and go on")
-        self._shared.clear()
-        self._looked = -float("inf")
 
 
 @contextlib.contextmanager
@@ -238,7 +244,7 @@ def _local(count: int) -> Iterator[Workers]:
     """A scheduler here, with so many worker processes."""
     import logging
 
-    options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.CRITICAL}
+    options = {"threads_per_worker": 1, "silence_logs": logging.CRITICAL, **_ANY_PORT}
     with (
         _needed("distributed").LocalCluster(n_workers=count, **options) as made,
         _connected(made) as client,
@@ -251,7 +257,7 @@ def _local(count: int) -> Iterator[Workers]:
 def _jobs(kind: str, path: Path) -> Iterator[Workers]:
     """A scheduler here, its workers jobs of a batch system."""
     count, options = job_options(path)
-    made = getattr(_needed("dask_jobqueue"), _BATCH_SYSTEMS[kind])(**options, scheduler_options={"dashboard_address": ":0"})
+    made = getattr(_needed("dask_jobqueue"), _BATCH_SYSTEMS[kind])(**options, scheduler_options=_ANY_PORT)
     with made, _connected(made) as client:
         made.scale(jobs=count)
         with _of_client(client) as workers:

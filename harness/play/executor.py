@@ -353,7 +353,7 @@ class _Packer(cloudpickle.Pickler):
             return None
         identity = thing.name, thing.version, thing.shaping, thing.model_hash
         key = f"harness-{hashlib.sha256(repr(identity).encode()).hexdigest()}"
-        self.domains[key] = thing
+        self.domains.setdefault(key, thing)
         return key
 
 
