@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
+    from harness.play.cluster import cluster
     from harness.play.conformance import ConformanceError, check_domain, check_policy
     from harness.play.driven import Driven
     from harness.play.evaluation import Evaluation, Score, evaluate
@@ -61,6 +62,7 @@ __all__ = [
     "check_domain",
     "check_policy",
     "check_scores",
+    "cluster",
     "compare",
     "compare_figure",
     "draw_beliefs",
@@ -104,6 +106,7 @@ _HOME = {
     "check_domain": "play.conformance",
     "check_policy": "play.conformance",
     "check_scores": "regression.checking",
+    "cluster": "play.cluster",
     "compare": "score.comparison",
     "compare_figure": "show.figures",
     "draw_beliefs": "show.figures",

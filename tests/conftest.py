@@ -55,7 +55,7 @@ def report_inputs(tmp_path_factory):
     }
     search |= {"test_episodes": 50, "validation_episodes": 50, "score_episodes": 50, "engine": "tables"}
     harness.evolve("rocksample-7x8", out=folder / "run", **search)
-    harness.evolve("rocksample-7x8", out=folder / "runs", runs=2, backend="threading", **search)
+    harness.evolve("rocksample-7x8", out=folder / "runs", runs=2, workers=1, **search)
     harness.tune("rocksample-7x8", "belief:0.92", episodes=50, iterations=3, final_episodes=50, out=folder / "tuning")
     sweep = harness.sweep("rocksample-7x8", "belief", points=11, episodes=50, engine="tables")
     (folder / "sweep").mkdir()

@@ -309,14 +309,14 @@ def run_folder(rng: Rng, folder: Path) -> None:
     with _copy_damaged(rng, folder / "template") as run:
         made = RunFolder(run)
         readers: list[Callable[[], Any]] = [made.config, made.grammar, made.state, lambda: inputs.read(run)]
-        readers += [lambda: harness.resume(run, workers=1, backend="threading")] * 2
+        readers += [lambda: harness.resume(run, workers=1)] * 2
         pick(rng, readers)()
 
 
 def runs_folder(rng: Rng, folder: Path) -> None:
     """Of several runs, with their plan."""
     with _copy_damaged(rng, folder / "runs") as run:
-        pick(rng, [lambda: inputs.read(run), lambda: harness.resume(run, workers=1, backend="threading")])()
+        pick(rng, [lambda: inputs.read(run), lambda: harness.resume(run, workers=1)])()
 
 
 def tuned_folder(rng: Rng, folder: Path) -> None:
@@ -561,7 +561,7 @@ REPRODUCED = Sizes(
 def prepare(folder: Path) -> None:
     """Small results of all kinds, to be damaged; and everything is compiled that inputs use."""
     harness.evolve(DOMAINS[0], out=folder / "template", **{**EVOLVED, "generations": 2})
-    harness.evolve(DOMAINS[0], out=folder / "runs", runs=2, backend="threading", **EVOLVED)
+    harness.evolve(DOMAINS[0], out=folder / "runs", runs=2, workers=1, **EVOLVED)
     main([word.replace("DIR/sweep", str(folder / "sweep")) for word in COMMANDS[8].split()])
     main([word.replace("DIR/tuning", str(folder / "tune")) for word in COMMANDS[9].split()])
     (folder / "template.toml").write_text(SCORES)

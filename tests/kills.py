@@ -98,8 +98,8 @@ CASES = {
         command("evolve", "--resume", "DIR", "--workers", "2"), "plan.json", forks=True,
     ),
     "evolve-runs-threads": Case(
-        command("evolve", *MANY, "--out", "DIR", "--backend", "threading"),
-        command("evolve", "--resume", "DIR", "--backend", "threading"), "plan.json",
+        command("evolve", *MANY, "--out", "DIR", "--cluster", "threads:2"),
+        command("evolve", "--resume", "DIR", "--cluster", "threads:2"), "plan.json",
     ),
     "tune": Case(
         command(*TUNE, "--out", "DIR"), command("tune", "--resume", "DIR"),

@@ -302,23 +302,23 @@ class TestRuns:
     def test_many_runs_begin_again_wherever_they_were_stopped(self, whole, tmp_path):
         """Right after the plan, and with a part of the folders made: no run is lost."""
         out = tmp_path / "many"
-        harness.evolve("rocksample-7x8", engine="tables", runs=3, out=out, backend="threading", **SMALL)
+        harness.evolve("rocksample-7x8", engine="tables", runs=3, out=out, workers=1, **SMALL)
         runs = (out / "runs.csv").read_text()
         for left in ([], ["seed-0"], ["seed-1", "seed-2"]):
             for path in out.iterdir():
                 if path.name not in ("plan.json", *left):
                     shutil.rmtree(path) if path.is_dir() else path.unlink()
-            harness.resume(out, backend="threading")
+            harness.resume(out, workers=1)
             assert (out / "runs.csv").read_text() == runs
         assert same(results(whole[0]), results(out / "seed-0"))
 
     def test_many_runs_are_prolonged_together(self, tmp_path):
         out, small = tmp_path / "many", {**SMALL, "generations": 2}
-        harness.evolve("rocksample-7x8", engine="tables", runs=2, out=out, backend="threading", **small)
+        harness.evolve("rocksample-7x8", engine="tables", runs=2, out=out, workers=1, **small)
         seed_1 = (out / "seed-1" / "config.json").read_text()
-        harness.resume(out, generations=3, backend="threading")
+        harness.resume(out, generations=3, workers=1)
         (out / "seed-1" / "config.json").write_text(seed_1)  # as if killed before it was told
-        assert [len(run.history) for run in harness.resume(out, backend="threading").runs] == [4, 4]
+        assert [len(run.history) for run in harness.resume(out, workers=1).runs] == [4, 4]
 
     def test_a_resumed_run_names_its_grammar(self, tmp_path):
         harness.evolve("rocksample-7x8", "rocksample-feedback", engine="tables", out=tmp_path, **SMALL)

@@ -109,9 +109,9 @@ def test_an_update_is_alone_on_its_file(tmp_path, capsys):
 
 def test_a_run_of_many_is_alone_in_its_own_folder(tmp_path):
     small = {"population": 5, "generations": 1, "episodes": 5, "max_init_depth": 15, "score_episodes": 5}
-    harness.evolve("rocksample-7x8", runs=2, out=tmp_path, backend="threading", **small)
+    harness.evolve("rocksample-7x8", runs=2, out=tmp_path, workers=1, **small)
     with locking.alone_in(tmp_path / "seed-1"), pytest.raises(HarnessError, match=r"seed-1 is in use"):
-        harness.resume(tmp_path, backend="threading")
+        harness.resume(tmp_path, workers=1)
 
 
 def test_a_worker_ends_with_its_parent():

@@ -55,7 +55,7 @@ class TestFile:
 
     def test_each_of_many_runs_and_a_longer_one_has_its_own(self, tmp_path):
         small = {**SMALL, "generations": 1}
-        harness.evolve("rocksample-7x8", runs=2, out=tmp_path, backend="threading", **small)
+        harness.evolve("rocksample-7x8", runs=2, out=tmp_path, workers=1, **small)
         for seed in (7, 8):
             assert f"\nseed = {seed}\n" in (tmp_path / f"seed-{seed}" / "parameters.toml").read_text()
         harness.resume(tmp_path / "seed-7", generations=2)

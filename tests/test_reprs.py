@@ -21,7 +21,7 @@ def results():
         "Domain": domain,
         "Evaluation": harness.evaluate(domain, "belief", episodes=200, engine="tables"),
         "Evolution": harness.evolve(domain, **search),
-        "Evolutions": harness.evolve(domain, runs=2, backend="threading", **search),
+        "Evolutions": harness.evolve(domain, runs=2, workers=1, **search),
         "Tuned": harness.tune(domain, "belief:0.92", episodes=20, iterations=2, final_episodes=20, engine="tables"),
         "Program": parse("check(3)\nif(belief(3) > 0.74 and not belief(2) < 0.5) sample()\n", words_of(domain)),
     }

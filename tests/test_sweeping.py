@@ -64,8 +64,8 @@ class TestProcesses:
 class TestFolders:
     def test_cut_anywhere_it_goes_on_and_plays_only_what_is_missing(self, tmp_path, whole, monkeypatch):
         lines = (whole / "sweep.csv").read_text().splitlines(keepends=True)
-        played, plain = [], sweeping.evaluate
-        monkeypatch.setattr(sweeping, "evaluate", lambda *a, **k: played.append(1) or plain(*a, **k))
+        played, plain = [], sweeping._score
+        monkeypatch.setattr(sweeping, "_score", lambda *a: played.append(1) or plain(*a))
         for rows in (None, 0, 1, 40, 41):
             folder = tmp_path / str(rows)
             folder.mkdir()

@@ -12,6 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import NoReturn
 
 import harness
@@ -60,9 +61,19 @@ def _run(arguments: Sequence[str] | None) -> int:
             if word.startswith("--") and word.endswith("=--"):  # argparse would take that for an empty list
                 parser.error(f"{word[:-3]} needs a value, not '--'")
         options = parser.parse_args(words)
-        return int(options.run(options) or 0)
+        with _on(getattr(options, "cluster", None)):
+            return int(options.run(options) or 0)
     finally:
         print(end="", flush=True)  # here, where a reader that has gone is still no error
+
+
+def _on(cluster: str | None) -> AbstractContextManager[None]:
+    """Where the command plays."""
+    if cluster is None:
+        return nullcontext()
+    from harness.play.cluster import cluster as opened
+
+    return opened(cluster)
 
 
 def _print_anywhere() -> None:

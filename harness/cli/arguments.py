@@ -48,6 +48,15 @@ def engine_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--engine", default="auto", help="auto, tables or julia (default auto)")
 
 
+def cluster_argument(parser: argparse.ArgumentParser) -> None:
+    """``--cluster``; the ``harness`` command opens it around the command that it is given to."""
+    parser.add_argument(
+        "--cluster",
+        metavar="WHERE",
+        help="play there: tcp://HOST:PORT (Dask), local:N, processes:N, threads:N, slurm:FILE.toml, pbs:FILE.toml",
+    )
+
+
 def natural(text: str) -> int:
     """A whole number, 0 or more."""
     return _whole(text, 0)

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.cli.arguments import natural, write
+from harness.cli.arguments import cluster_argument, natural, write
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def register(commands: Any) -> None:
     check.add_argument(
         "--github", action="store_true", help="print annotations too, and append to the file $GITHUB_STEP_SUMMARY"
     )
+    cluster_argument(check)
     check.set_defaults(run=_check)
 
 

@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from harness.cli.arguments import domain_argument, natural, positive
+from harness.cli.arguments import cluster_argument, domain_argument, natural, positive
 from harness.errors import HarnessError
 from harness.ge.parameters import Parameters
 
@@ -26,7 +26,7 @@ def register(commands: Any) -> None:
     )
     evolve.add_argument("--engine", help="tables, julia or auto (default tables: the same, faster)")
     evolve.add_argument("--workers", type=positive, metavar="N", help="threads of one run, processes of many")
-    evolve.add_argument("--backend", default="loky", help="of many runs, as joblib calls it (default loky: processes)")
+    cluster_argument(evolve)
     evolve.add_argument(
         "--parameters", type=Path, metavar="FILE", help="a TOML file of the parameters below; options go before it"
     )
@@ -53,7 +53,7 @@ def _evolve(options: argparse.Namespace) -> None:
         from harness.ge import parameter_file
 
         given = {**parameter_file.read(options.parameters), **given}
-    execution = {"workers": options.workers, "backend": options.backend, "progress": True}
+    execution = {"workers": options.workers, "progress": True}
     folder = options.resume or options.out
     try:
         if options.resume:
@@ -93,7 +93,7 @@ def _refuse_changes(options: argparse.Namespace, given: dict[str, Any]) -> None:
     if changed:
         raise HarnessError(
             f"--resume goes on with what {options.resume} was told; {changed[0].replace('_', '-')} cannot be changed "
-            f"(only --generations, --workers and --backend can)"
+            f"(only --generations, --workers and --cluster can)"
         )
 
 

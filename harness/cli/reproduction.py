@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from harness.cli.arguments import positive
+from harness.cli.arguments import cluster_argument, positive
 
 
 def register(commands: Any) -> None:
@@ -17,6 +17,7 @@ def register(commands: Any) -> None:
     reproduce.add_argument("--quick", action="store_true", help="smaller sizes, under two minutes (the report says so)")
     reproduce.add_argument("--engine", default="tables", help="tables, julia or auto (default tables)")
     reproduce.add_argument("--workers", type=positive, metavar="N", help="processes and threads (default: one a core)")
+    cluster_argument(reproduce)
     reproduce.set_defaults(run=_reproduce)
 
 

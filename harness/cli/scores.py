@@ -6,7 +6,15 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.cli.arguments import domain_argument, engine_argument, episode_arguments, natural, positive, write
+from harness.cli.arguments import (
+    cluster_argument,
+    domain_argument,
+    engine_argument,
+    episode_arguments,
+    natural,
+    positive,
+    write,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,6 +33,7 @@ def register(commands: Any) -> None:
         "--against", metavar="SPEC", help="a policy that every other one is compared with, episode by episode"
     )
     episode_arguments(compare, episodes="default: 10000, for rollout 1000")
+    cluster_argument(compare)
     compare.add_argument("--format", choices=FORMATS, default="table", help="default: table")
     compare.add_argument("--out", type=Path, metavar="FILE", help="write there instead of to the terminal")
     compare.add_argument("--figure", type=Path, metavar="FILE", help="draw the returns too, as .png, .pdf or .svg")

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.cli.arguments import domain_argument, episode_arguments, natural, positive
+from harness.cli.arguments import cluster_argument, domain_argument, episode_arguments, natural, positive
 from harness.errors import HarnessError, quoted
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def register(commands: Any) -> None:
 
 
 def _folder_arguments(parser: argparse.ArgumentParser, text: str) -> None:
+    cluster_argument(parser)
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--out", type=Path, metavar="DIR", help=text)
     where.add_argument("--resume", type=Path, metavar="DIR", help="go on with the run there")

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-import joblib
-
 from harness import files, host, locking
 from harness.errors import HarnessError, check_whole
+from harness.ge import slices
 from harness.ge.folder import PREFIX, Plan, RunFolder, check_new
 from harness.ge.parameters import Parameters, from_record
 from harness.ge.results import Evolution, Evolutions
 from harness.ge.search import Setup, config_of, prepare, restore, run
 from harness.model.domain import Domain
+from harness.play import cluster, executor
+from harness.play.executor import Workers
 from harness.progress import Bar, Progress
 
 MOST_RUNS = 10_000
@@ -35,7 +34,6 @@ def evolve(
     out: str | Path | None = None,
     engine: str = "tables",
     workers: int | None = None,
-    backend: str = "loky",
     progress: Progress = False,
     **parameters: Any,
 ) -> Evolution | Evolutions:
@@ -50,7 +48,6 @@ def evolve(
         engine: ``tables``, ``julia`` or ``auto``. The default is the embedded engine even where Julia is set up: the
             programs are the same, and found many times faster.
         workers: threads of one run, processes of many (default: as many as there are cores); they change no number.
-        backend: joblib's backend for many runs: ``loky`` (processes), ``threading``, ``dask``, …
         progress: True for a bar on a terminal, or a function that is called with the number of generations finished
             since its last call.
         parameters: of the run, see :class:`harness.ge.parameters.Parameters`: ``population``, ``generations``,
@@ -78,7 +75,7 @@ def evolve(
         seeds = [setup.parameters.seed + k for k in range(runs)]
         setups = [_with_seed(setup, seed) for seed in seeds]  # also checks that there are such seeds
         Plan(parent).write(config_of(setup, name), setup.grammar.text, seeds)
-        return _many(setups, _planned(parent), parent, workers, backend, progress)
+        return _many(setups, _planned(parent), parent, workers, progress)
 
 
 @locking.alone
@@ -87,7 +84,6 @@ def resume(
     *,
     generations: int | None = None,
     workers: int | None = None,
-    backend: str = "loky",
     allow_code: bool = False,
     progress: Progress = False,
 ) -> Evolution | Evolutions:
@@ -97,7 +93,6 @@ def resume(
         out: the folder.
         generations: go on for longer than the run was meant to.
         workers: threads of one run, processes of many.
-        backend: joblib's backend for many runs.
         allow_code: load the domain even where the folder names a file, a snapshot or a Julia file.
         progress: True for a bar on a terminal, or a function that is called with the number of generations finished
             since its last call.
@@ -112,7 +107,7 @@ def resume(
         folder = RunFolder(parent)
         return _one(_restored(folder, host.workers(workers), generations, allow_code), folder, progress)
     setups = [_restored(folder, 1, generations, allow_code) for folder in folders]
-    return _many(setups, folders, parent, workers, backend, progress)
+    return _many(setups, folders, parent, workers, progress)
 
 
 def folders_of(parent: Path) -> list[RunFolder]:
@@ -188,29 +183,35 @@ def _many(
     folders: Sequence[RunFolder],
     parent: Path,
     workers: int | None,
-    backend: str,
     progress: Progress,
 ) -> Evolutions:
-    """All runs, as many at a time as there are workers. What is on disk tells how far they are."""
-    tasks = [joblib.delayed(_in_worker)(*pair) for pair in zip(setups, folders, strict=True)]
-    watched: dict[str, Any] = {"initializer": host.end_with, "initargs": (os.getpid(),)} if backend == "loky" else {}
-    with _bar(sum(setup.parameters.generations + 1 for setup in setups), progress) as bar, _watching(folders, bar):
-        try:
-            runs = joblib.Parallel(n_jobs=host.workers(workers), backend=backend, **watched)(tasks)
-        except BrokenProcessPool:
-            raise HarnessError(
-                f"a worker process of {parent} was killed, perhaps for want of memory; go on with --resume {parent}, "
-                "and fewer --workers"
-            ) from None
-    result = Evolutions(runs)
+    """All runs, as many at a time as there are workers."""
+    with (
+        _bar(sum(setup.parameters.generations + 1 for setup in setups), progress) as bar,
+        cluster.workers_for(host.workers(workers), away=setups[0].engine == "tables") as where,
+    ):
+        if where is None or where.here:
+            result = Evolutions(_in_their_folders(where, setups, folders, bar))
+        else:
+            result = Evolutions(slices.play(where, setups, folders, bar))
     files.replace_text(parent / "runs.csv", result.table.to_csv(index=False, lineterminator="\n"))
     files.replace_text(parent / "curve.csv", result.curve().to_csv(lineterminator="\n"))
     return result
 
 
-def _in_worker(setup: Setup, folder: RunFolder) -> Evolution:
-    with locking.alone_in(folder.path):
-        return run(setup, folder, lambda row: None)
+def _in_their_folders(
+    workers: Workers | None, setups: Sequence[Setup], folders: Sequence[RunFolder], bar: Bar
+) -> list[Evolution]:
+    """All runs, each from its beginning to its end by a worker that sees the folder, which tells how far it is."""
+    with _watching(folders, bar):
+        numbers = range(len(folders))
+        name = [f"the run in {folder.path}" for folder in folders].__getitem__
+        return list(executor.ordered(workers, _in_worker, numbers, setups, folders, name=name, alike=False))
+
+
+def _in_worker(setups: Sequence[Setup], folders: Sequence[RunFolder], k: int) -> Evolution:
+    with locking.alone_in(folders[k].path):
+        return run(setups[k], folders[k], lambda row: None)
 
 
 def _bar(total: int, progress: Progress) -> Bar:

@@ -143,8 +143,8 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
                 now = time.monotonic()
                 rows.append(_row(setup, fitness, generation, now - begun))
                 _see(folder, fitness, generation, rows[-1])
+                last, begun = generation, now
                 watch(rows[-1])
-                begun = now
             last = generation
             if folder and time.monotonic() - saved > _CHECKPOINT_SECONDS:
                 _save(folder, fitness, last, rows)

@@ -21,6 +21,8 @@ from harness.engine.batch import Batch, read_only
 from harness.errors import PolicyError, check_whole, quoted
 from harness.model.domain import Domain
 from harness.model.tables import STOP, compiled
+from harness.play import executor
+from harness.play.executor import Workers
 from harness.policy import Policy
 from harness.policy.base import can_be_copied, fresh, whole
 from harness.progress import Bar, Progress
@@ -229,7 +231,7 @@ def evaluate(
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
     check_played(episodes=episodes, seed=seed, first=first, horizon=horizon)
-    threads = host.workers(workers)
+    threads = executor.threads(workers)
     engine = engines.choose(engine, domain)
     policies.check_engine(policy, engine)
     spec, made = policies.named(policy, domain)
@@ -238,16 +240,48 @@ def evaluate(
     batches = min(threads * size, episodes) * 8 * (domain.n_marginals + _COLUMNS)
     host.check_memory(f"{episodes:,} episodes", episodes * KEPT * 2 + batches)
     chunks = [(first + done, min(size, episodes - done)) for done in range(0, episodes, size)]
-    stop = threading.Event()
-
-    def run(chunk: tuple[int, int]) -> _Totals:
-        records = simulate(domain, made, engine, seed, *chunk, horizon)
-        return _totals(itertools.takewhile(lambda _: not stop.is_set(), records), chunk[1], domain.discount)
-
+    away = executor.current() if engine == "tables" and can_be_copied(made) else None
+    game = _Game(domain, made, engine, seed, horizon)
     with Bar(progress, episodes, desc=spec, unit="episode", delay=2) as bar:
-        parts = _map(run, chunks, threads, bar.update, stop)
+        if away is None:
+            parts = _here(game, chunks, threads, bar)
+        else:
+            parts = _away(away, game, f"of {spec} on {domain.name}", chunks, bar)
     totals = _Totals(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return Evaluation(domain, spec, engine, seed, horizon, *totals)
+
+
+class _Game(NamedTuple):
+    """What all batches of an evaluation share."""
+
+    domain: Domain
+    policy: Policy
+    engine: str
+    seed: int
+    horizon: int
+
+
+def _here(game: _Game, chunks: list[tuple[int, int]], threads: int, bar: Bar) -> list[_Totals]:
+    """All batches, on the threads of this process."""
+    stop = threading.Event()
+    return _map(lambda chunk: _batch(game, chunk, stop), chunks, threads, bar.update, stop)
+
+
+def _away(workers: Workers, game: _Game, what: str, chunks: list[tuple[int, int]], bar: Bar) -> list[_Totals]:
+    """The same on the workers of :func:`harness.cluster`."""
+    found: dict[tuple[int, int], _Totals] = {}
+    played = executor.each(workers, _batch, chunks, game, name=lambda chunk: f"episodes from {chunk[0]:,} on {what}")
+    for chunk, part in played:
+        found[chunk] = part
+        bar.update(chunk[1])
+    return [found[chunk] for chunk in chunks]
+
+
+def _batch(game: _Game, chunk: tuple[int, int], stop: threading.Event | None = None) -> _Totals:
+    """The episodes (first, count); those until ``stop`` is set."""
+    records = simulate(game.domain, game.policy, game.engine, game.seed, *chunk, game.horizon)
+    going_on = itertools.takewhile(lambda _: stop is None or not stop.is_set(), records)
+    return _totals(going_on, chunk[1], game.domain.discount)
 
 
 def _batch_size(policy: Policy, engine: str, episodes: int) -> int:

@@ -19,9 +19,11 @@ from harness.engine import rng
 from harness.engine.tables import TablesEngine
 from harness.model.domain import Domain
 from harness.model.tables import STOP, Records, Tables, compiled, draw_outcome, draw_reading, row_of, update_belief
+from harness.play import executor
 from harness.play.evaluation import simulate
+from harness.play.executor import Workers
 from harness.policy.program import ProgramPolicy
-from harness.program import Program
+from harness.program import Program, Words
 from harness.program.machine import next_action
 
 
@@ -56,13 +58,65 @@ def play(
         workers: threads of the tables engine; the numbers do not depend on it.
     """
     host.check_memory(*memory(domain, len(programs), episodes.size, episodes.horizon))
-    played = Played(np.zeros((len(programs), episodes.size)), np.zeros(len(programs), dtype=np.int64))
+    away = executor.current() if engine == "tables" else None
     if engine == "julia":
-        for p, program in enumerate(programs):
-            played.steps[p] = _play_in_lockstep(domain, program, episodes, played.returns[p])
-    elif programs:
-        _play_compiled(domain, programs, episodes, workers, played)
+        return _play_in_lockstep(domain, programs, episodes)
+    if not programs:
+        return Played(np.zeros((0, episodes.size)), np.zeros(0, dtype=np.int64))
+    if away is not None and len(programs) * episodes.size > _WORTH:
+        return _play_away(away, domain, programs, episodes)
+    return _play_compiled(domain, _registers(programs[0].words), episodes, executor.threads(workers), _codes(programs))
+
+
+_WORTH = 50_000  # episodes of programs that are worth the way to another machine: some tenths of a second
+
+
+def _play_away(workers: Workers, domain: Domain, programs: Sequence[Program], episodes: Episodes) -> Played:
+    """The same on the workers of :func:`harness.cluster`, so many programs a time."""
+    size = max(1, _WORTH // episodes.size)
+    items = [(i, _codes(programs[i : i + size])) for i in range(0, len(programs), size)]
+    played = Played(np.empty((len(programs), episodes.size)), np.empty(len(programs), dtype=np.int64))
+    for (i, _), part in executor.each(
+        workers, _part, items, domain, _registers(programs[0].words), episodes,
+        name=lambda item: f"the programs from number {item[0]:,} on, on {domain.name}",
+    ):  # fmt: skip
+        played.returns[i : i + size], played.steps[i : i + size] = part
     return played
+
+
+def _part(domain: Domain, registers: _Registers, episodes: Episodes, item: tuple[int, _Codes]) -> Played:
+    return _play_compiled(domain, registers, episodes, 1, item[1])
+
+
+class _Registers(NamedTuple):
+    """What compiled code needs of a domain's words."""
+
+    of_action: NDArray[np.int16]
+    numbers: NDArray[np.float64]
+    n_registers: int
+
+
+def _registers(words: Words) -> _Registers:
+    return _Registers(words.register, words.numbers, len(words.checks))
+
+
+class _Codes(NamedTuple):
+    """P programs, one after the other."""
+
+    code: Records
+    lengths: NDArray[np.int64]
+    """(P,)"""
+    loops: NDArray[np.bool_]
+    believe: NDArray[np.bool_]
+
+
+def _codes(programs: Sequence[Program]) -> _Codes:
+    return _Codes(
+        np.concatenate([program.code for program in programs]),
+        np.array([len(program.code) for program in programs]),
+        np.array([program.loop for program in programs]),
+        np.array([program.uses_belief for program in programs]),
+    )
 
 
 def memory(domain: Domain, programs: int, episodes: int, horizon: int) -> tuple[str, int]:
@@ -74,20 +128,16 @@ def memory(domain: Domain, programs: int, episodes: int, horizon: int) -> tuple[
 _COLUMNS = 12  # numbers of 8 bytes that an episode takes besides its returns, random numbers and belief
 
 
-def _play_compiled(
-    domain: Domain, programs: Sequence[Program], episodes: Episodes, workers: int, played: Played
-) -> None:
-    code = np.concatenate([program.code for program in programs])
-    last = np.cumsum([len(program.code) for program in programs])
-    first = last - [len(program.code) for program in programs]
-    loop = np.array([program.loop for program in programs])
-    believes = np.array([program.uses_belief for program in programs])
+def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, workers: int, programs: _Codes) -> Played:
+    count = len(programs.lengths)
+    played = Played(np.zeros((count, episodes.size)), np.zeros(count, dtype=np.int64))
+    last = np.cumsum(programs.lengths)
+    first = last - programs.lengths
     u = np.empty((episodes.size, episodes.horizon + 1))
     for step in range(episodes.horizon + 1):
         u[:, step] = rng.uniforms(episodes.seed, rng.ENGINE, step, episodes.first, episodes.size)
-    start = TablesEngine(domain, episodes.size, bool(believes.any()))
+    start = TablesEngine(domain, episodes.size, bool(programs.believe.any()))
     start.reset(u[:, 0])
-    words = programs[0].words
 
     def run(chunk: slice) -> None:
         _play(
@@ -99,32 +149,41 @@ def _play_compiled(
             start.done,
             start.marginals,
             domain.visible_values,
-            words.register,
-            words.numbers,
-            len(words.checks),
-            code,
+            registers.of_action,
+            registers.numbers,
+            registers.n_registers,
+            programs.code,
             first[chunk],
             last[chunk],
-            loop[chunk],
-            believes[chunk],
+            programs.loops[chunk],
+            programs.believe[chunk],
             played.returns[chunk],
             played.steps[chunk],
         )
 
-    chunks = [slice(i, i + _CHUNK) for i in range(0, len(programs), _CHUNK)]
+    chunks = [slice(i, i + _CHUNK) for i in range(0, count, _CHUNK)]
     if workers == 1 or len(chunks) == 1:
         for chunk in chunks:
             run(chunk)
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(run, chunks))
+    return played
 
 
 _CHUNK = 16  # programs a task: programs differ in length, so the threads take several small tasks
 
 
-def _play_in_lockstep(domain: Domain, program: Program, episodes: Episodes, returns: NDArray[np.float64]) -> int:
-    """The same through the engine contract, step by step; the number of environment steps."""
+def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Episodes) -> Played:
+    """The same through the engine contract, step by step."""
+    played = Played(np.zeros((len(programs), episodes.size)), np.zeros(len(programs), dtype=np.int64))
+    for p, program in enumerate(programs):
+        played.steps[p] = _lockstep(domain, program, episodes, played.returns[p])
+    return played
+
+
+def _lockstep(domain: Domain, program: Program, episodes: Episodes, returns: NDArray[np.float64]) -> int:
+    """Adds up the returns; the number of environment steps."""
     policy, steps = ProgramPolicy(program), 0
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
         if record.actions is not None:

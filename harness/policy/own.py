@@ -24,6 +24,9 @@ from harness.policy.base import Policy
 GROUP = "pomdp_harness.policies"
 """Entry points of installed packages that bring policies; each stands for what ``module:Name`` may stand for."""
 
+PREFIX = "harness_own_"
+"""Of the names of modules that are files."""
+
 POLICY = "policy: an object with reset(batch) and act(batch)"
 
 
@@ -88,7 +91,7 @@ def load_installed(point: EntryPoint, domain: Domain) -> Policy:
 def _file(path: Path) -> ModuleType:
     if not path.is_file():
         raise PolicyError(f"{quoted(path)}: no such file")
-    name = f"harness_own_{path.stem}"
+    name = f"{PREFIX}{path.stem}"
     found = importlib.util.spec_from_file_location(name, path)
     assert found is not None
     assert found.loader is not None

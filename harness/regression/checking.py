@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from harness import files, locking
 from harness.errors import HarnessError
+from harness.play import executor
 from harness.progress import Bar, Progress
 from harness.regression import scoring, stored
 from harness.regression.judging import Outcome, ScoreCheck, judge
 from harness.regression.rows import Row, StoredScore
 from harness.regression.scoring import Measurement, Task
 from harness.regression.stored import ScoreFile
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -70,14 +74,26 @@ def check_scores(
         return tuple(dataclasses.replace(o, line=line) for o, line in zip(judged, file.lines, strict=False))
 
     try:
-        for task in _shown(tasks, "check", progress):
-            measurements.append(_measure(task, file))  # noqa: PERF401  one by one, for Ctrl-C
+        for measurement in _shown(_each(_measure, tasks, file), len(tasks), "check", progress):
+            measurements.append(measurement)  # noqa: PERF402  one by one, for Ctrl-C
     except KeyboardInterrupt:
         raise Interrupted(ScoreCheck(file.path, file.limits, outcomes())) from None
     return ScoreCheck(file.path, file.limits, outcomes() + _vanished(file))
 
 
-def _measure(task: Task, file: ScoreFile) -> Measurement:
+def _each(function: Callable[..., _T], tasks: list[Task], file: ScoreFile) -> Iterator[_T]:
+    """What a function makes of every row, in their order; a row is a task of :func:`harness.cluster`."""
+    workers = None if any(task.row.engine == "julia" for task in tasks) else executor.current()
+    numbers = range(len(tasks))
+    return executor.ordered(workers, function, numbers, tasks, file, name=lambda k: _name(tasks[k]), alike=False)
+
+
+def _name(task: Task) -> str:
+    return f"{task.row.policy} on {task.row.domain}"
+
+
+def _measure(tasks: list[Task], file: ScoreFile, k: int) -> Measurement:
+    task = tasks[k]
     key = task.row.key
     if key in file.damaged:
         return Measurement(task.row, None, fault=("damaged", f"{file.damaged[key]}; run harness check --update"))
@@ -103,15 +119,18 @@ def update_scores(
 
 def _update(path: Path, allow_code: bool, progress: Progress) -> list[Move]:
     file = _read(path)
-    moves = []
-    for task in _shown(_tasks(file, allow_code), "update", progress):
-        before = file.stored.get(task.row.key) if task.row.key not in file.damaged else None
-        after = scoring.renew(task, before, file.limits)
-        moves.append(Move(before, after))
+    tasks = _tasks(file, allow_code)
+    moves = list(_shown(_each(_renew, tasks, file), len(tasks), "update", progress))
     listed = {row.key for row in file.rows}
     dropped = [Move(score, None) for key, score in file.stored.items() if key not in listed]
     stored.write(file.path, [move.after for move in moves if move.after is not None])
     return moves + dropped
+
+
+def _renew(tasks: list[Task], file: ScoreFile, k: int) -> Move:
+    task = tasks[k]
+    before = file.stored.get(task.row.key) if task.row.key not in file.damaged else None
+    return Move(before, scoring.renew(task, before, file.limits))
 
 
 def _read(path: Path) -> ScoreFile:
@@ -136,10 +155,10 @@ def _task(path: Path, line: int, row: Row, allow_code: bool) -> Task:
         raise HarnessError(f"{path}:{line}: {error}") from None
 
 
-def _shown(tasks: list[Task], what: str, progress: Progress) -> Iterable[Task]:
-    with Bar(progress, len(tasks), desc=what, unit="row", delay=2) as bar:
-        for task in tasks:
-            yield task
+def _shown(results: Iterable[_T], total: int, what: str, progress: Progress) -> Iterator[_T]:
+    with Bar(progress, total, desc=what, unit="row", delay=2) as bar:
+        for result in results:
+            yield result
             bar.update()
 
 

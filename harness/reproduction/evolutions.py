@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
-import joblib
 import pandas as pd
 
-from harness import host
 from harness.errors import HarnessError
 from harness.ge import runs
 from harness.ge.folder import RunFolder
+from harness.play import cluster, executor
 from harness.reproduction import figures, paper, thresholds
 from harness.reproduction.folder import Folder
 
@@ -34,18 +32,17 @@ def _thresholds(folder: Folder) -> pd.DataFrame:
     jobs = {
         f"evolved-thresholds/{word}-{k}.csv": (word, k) for word in paper.HEURISTICS for k in range(folder.sizes.runs)
     }
-    parallel = joblib.Parallel(
-        n_jobs=folder.workers, return_as="generator_unordered", initializer=host.end_with, initargs=(os.getpid(),)
-    )
     missing = [(name, job) for name, job in jobs.items() if not folder.has([name])]
-    for name, history in parallel(joblib.delayed(_evolved)(folder, *each) for each in missing):
-        folder.write(name, history)
+    with cluster.workers_for(folder.workers, away=folder.engine == "tables") as workers:
+        played = executor.each(workers, _evolved, missing, folder, name=lambda item: item[0], alike=False)
+        for (name, _), history in played:
+            folder.write(name, history)
     return pd.concat([folder.read(name) for name in jobs], ignore_index=True)
 
 
-def _evolved(folder: Folder, name: str, job: tuple[str, int]) -> tuple[str, pd.DataFrame]:
-    word, seed = job
-    return name, thresholds.evolve(folder, word, seed).assign(heuristic=word, seed=seed)
+def _evolved(folder: Folder, item: tuple[str, tuple[str, int]]) -> pd.DataFrame:
+    word, seed = item[1]
+    return thresholds.evolve(folder, word, seed).assign(heuristic=word, seed=seed)
 
 
 def figure_6(folder: Folder) -> None:

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import engine as engines
-from harness import host
 from harness.engine import rng
 from harness.errors import HarnessError, nearest, quoted
 from harness.model.domain import Domain
-from harness.play import population
+from harness.play import executor, population
 from harness.play.evaluation import Evaluation, evaluate
 from harness.tuning.constants import Constants
 from harness.tuning.method import Ask
@@ -51,18 +50,17 @@ class Episodes:
         """(n, episodes) returns by :attr:`measure`, as the domain's shaping pays them."""
         if isinstance(self.subject, Constants) and self.measure == "return":
             return self._together(self.subject, ask)
-        first = (int(k) for k in ask.first)
-        return np.stack(
-            [
-                measured(self.play(point, ask.episodes, self.range + self.seed, k), self.measure)
-                for point, k in zip(ask.points, first, strict=True)
-            ]
-        )
+        items = [(point, int(first), ask.episodes) for point, first in zip(ask.points, ask.first, strict=True)]
+        workers = executor.current() if self.engine == "tables" else None
+        return np.stack(list(executor.ordered(workers, _returns, items, self, name=self._name)))
+
+    def _name(self, item: tuple[Vector, int, int]) -> str:
+        return f"{self.subject.text(item[0]).splitlines()[0]} on {self.domain.name}"
 
     def _together(self, subject: Constants, ask: Ask) -> NDArray[np.float64]:
         """The same returns, by one compiled loop over all points that meet the same episodes."""
         returns = np.empty((len(ask.points), ask.episodes))
-        engine, workers = engines.choose(self.engine, self.domain), host.workers(self.workers)
+        engine, workers = engines.choose(self.engine, self.domain), executor.threads(self.workers)
         for first in np.unique(ask.first):
             rows = np.flatnonzero(ask.first == first)
             programs = [subject.at(ask.points[row]) for row in rows]
@@ -82,6 +80,12 @@ class Episodes:
             engine=self.engine,
             workers=self.workers,
         )
+
+
+def _returns(played: Episodes, item: tuple[Vector, int, int]) -> NDArray[np.float64]:
+    """(episodes,) the returns at a point in the episodes from a first one on."""
+    point, first, episodes = item
+    return measured(played.play(point, episodes, played.range + played.seed, first), played.measure)
 
 
 def measured(result: Evaluation, measure: str) -> NDArray[np.float64]:

@@ -16,13 +16,16 @@ from harness import host, locking, registry
 from harness import policy as policies
 from harness.errors import HarnessError, quoted
 from harness.model.domain import Domain
-from harness.play.evaluation import EPISODES, HORIZON, evaluate
+from harness.play import executor
+from harness.play.evaluation import EPISODES, HORIZON, Score
 from harness.policy.planner.pomcp import POMCPPolicy
 from harness.progress import Bar, Progress
 from harness.tuning import budgets, journal
 from harness.tuning.method import MOST_EPISODES, MOST_STEPS, check_number
+from harness.tuning.objective import Episodes
+from harness.tuning.outcome import brief
 from harness.tuning.rows import SWEEP, Rows
-from harness.tuning.tunable import Tunable, index_of, tunable
+from harness.tuning.tunable import Tunable, Vector, index_of, tunable
 
 POINTS = 51
 _A_DECADE = 3
@@ -109,20 +112,19 @@ def sweep(
     timed = () if planner is None else (budgets.COLUMN,)
     kept = Rows(subject.names[k], None if out is None else Path(out), timed)
     kept.begin(config, resume)
+    thetas = [_with(subject.start, k, x) for x in values]
+    known = sum(
+        kept.has(i, subject.text(theta), x, episodes) for i, (theta, x) in enumerate(zip(thetas, values, strict=True))
+    )
+    played = Episodes(domain, subject, seed, horizon, "return", engine, workers, range=0)
+    away = executor.current() if engine == "tables" else None
+    scores = executor.ordered(
+        away, _timed if planner else _untimed, thetas[known:], played, episodes, name=lambda theta: brief(subject.text(theta))
+    )
     with Bar(progress, len(values), desc=f"sweep of {subject.names[k]}", unit="point") as bar:
-        for i, x in enumerate(values):
-            theta = subject.start.copy()
-            theta[k] = x
-            if not kept.has(i, subject.text(theta), x, episodes):
-                made = subject.policy(theta)
-                settings: dict[str, Any] = {"seed": seed, "horizon": horizon, "engine": engine, "workers": workers}
-                if planner is not None:  # what is compiled at its first use is none of the first row's time
-                    evaluate(domain, planner.policy(planner.lower), **settings | {"episodes": 1, "horizon": 1})
-                begun = time.process_time()
-                played = evaluate(domain, made, episodes=episodes, **settings)
-                took = time.process_time() - begun
-                more = [budgets.milliseconds(took, played) for _ in timed]
-                kept.add(subject.text(theta), x, played.score, *more)
+        bar.update(known)
+        for theta, x, (score, *more) in zip(thetas[known:], values[known:], scores, strict=True):
+            kept.add(subject.text(theta), x, score, *more)
             bar.update()
     return kept.table()
 
@@ -150,6 +152,25 @@ def resume(
         stored["policy"] = policy
     loaded = registry.load_from_data(named) if domain is None else domain
     return sweep(loaded, **stored, out=folder, resume=True, **execution)
+
+
+def _with(theta: Vector, k: int, x: float) -> Vector:
+    changed = theta.copy()
+    changed[k] = x
+    return changed
+
+
+def _untimed(played: Episodes, episodes: int, theta: Vector) -> tuple[Score]:
+    """The score at a point."""
+    return (played.play(theta, episodes, played.seed).score,)
+
+
+def _timed(played: Episodes, episodes: int, theta: Vector) -> tuple[Score, float]:
+    """The same of a planner, and the milliseconds that an action took."""
+    played.play(played.subject.lower, 1, played.seed)  # what is compiled at its first use is none of the first row's time
+    begun = time.process_time()
+    result = played.play(theta, episodes, played.seed)
+    return result.score, budgets.milliseconds(time.process_time() - begun, result)
 
 
 def _values(
