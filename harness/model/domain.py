@@ -107,6 +107,11 @@ class Domain:
         return self
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Of a domain from a model file: what the file's variables have become here, and what was lost, in sentences."""
+        return tuple(self.provenance.get("notes", ()))
+
+    @property
     def n_actions(self) -> int:
         """Number A of actions."""
         return len(self.actions)
