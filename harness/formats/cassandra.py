@@ -132,11 +132,18 @@ def _start(reader: _Reader, word: str) -> None:
     elif listed == ["uniform"]:
         reader.start = _even(reader, np.ones(n, dtype=np.bool_))
     elif len(listed) == n and (n > 1 or listed[0] not in states):
-        reader.start = np.array([text.number(each, words.place()) for each in listed])
+        reader.start = _numbers(words, listed)
     elif len(listed) == 1:
         reader.start = _even(reader, np.arange(n) == _state(reader, listed[0], states))
     else:
         raise words.error(f"the start has {len(listed):,} numbers for {n:,} states; give one for each state")
+
+
+def _numbers(words: Words, listed: list[str]) -> NDArray[np.float64]:
+    try:
+        return np.array([text.number(each, "") for each in listed])
+    except HarnessError:
+        raise words.error("the start has a word among its numbers; give one number for each state") from None
 
 
 def _state(reader: _Reader, name: str, states: dict[str, int]) -> int:
@@ -165,6 +172,8 @@ def _statement(reader: _Reader, table: str) -> None:
     words, kinds = reader.words, _TABLES[table]
     if table not in reader.tables:
         _begin(reader, table)
+    if _quick(reader, table):
+        return
     where: list[int] = []
     while len(where) < len(kinds) and (not where or words.peek() == ":"):
         words.expect(":")
@@ -176,6 +185,21 @@ def _statement(reader: _Reader, table: str) -> None:
         raise words.error(f"{table} needs {len(kinds) - 2} of {' : '.join(kinds)} at least before its numbers")
     else:
         _row_or_matrix(reader, table, [*where, *[EACH] * missing], line)
+
+
+def _quick(reader: _Reader, table: str) -> bool:
+    """Take in a statement of one number, as nearly all of a large file are; whether it was one."""
+    kinds, words = _TABLES[table], reader.words
+    ahead = words.ahead(2 * len(kinds) + 1)
+    if len(ahead) <= 2 * len(kinds) or ahead[:-1:2].count(":") < len(kinds):
+        return False
+    where = [reader.numbers[kind].get(word) for kind, word in zip(kinds, ahead[1:-1:2], strict=True)]
+    if None in where:
+        return False  # the long way says what is wrong
+    token = words.token - 1
+    words.skip(2 * len(kinds))
+    reader.tables[table].add(where, words.number() * _sign(reader, table) + 0.0, token)  # type: ignore[arg-type]
+    return True
 
 
 def _sign(reader: _Reader, table: str) -> float:

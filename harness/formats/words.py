@@ -44,6 +44,16 @@ class Words:
                 return None
         return self._words[self._place + ahead]
 
+    def ahead(self, count: int) -> list[str]:
+        """The next words, fewer at the end; they are still to be read."""
+        while len(self._words) - self._place < count and self._more():
+            pass
+        return self._words[self._place : self._place + count]
+
+    def skip(self, count: int) -> None:
+        """Take some words that were seen ahead as read."""
+        self._place += count
+
     def _more(self) -> bool:
         """Take in the next piece; whether there was one."""
         piece = next(self._pieces, None)
@@ -72,7 +82,7 @@ class Words:
         words = []
         while (word := self.peek()) is not None and not ends(word, self.peek(1)):
             words.append(word)
-            self._place += 1
+            self.skip(1)
         return words
 
     def number(self) -> float:
@@ -86,9 +96,7 @@ class Words:
     def numbers(self, count: int) -> NDArray[np.float64]:
         """The next words as numbers."""
         first = self.token
-        while len(self._words) - self._place < count and self._more():
-            pass
-        found = self._words[self._place : self._place + count]
+        found = self.ahead(count)
         try:
             values = np.array([float(word) for word in found])
         except ValueError:
