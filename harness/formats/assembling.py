@@ -85,6 +85,8 @@ def _pairs(network: Network) -> Points:
 
 def _structure(network: Network, pairs: Points) -> Structure:
     """Hidden variables that a step touches together, or whose starts hang on each other, make one factor."""
+    if len(network.states) == 1 and not network.visible:  # the whole state, as harness.model.domain has it of Julia's
+        return Structure(network, ((0,),), np.zeros(len(pairs), dtype=np.int64))
     touched = touching.touched(network, pairs)
     tied = touching.correlated(network, starting.visible_starts(network)[0])
     leader = _leaders(len(network.hidden), [*_different(touched), *(tied | np.eye(len(tied), dtype=np.bool_))])

@@ -5,6 +5,7 @@ Source: A. R. Cassandra, "Input POMDP File Format" (pomdp.org), and the grammar 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -169,50 +170,38 @@ def _known(reader: _Reader, kind: str) -> dict[str, int]:
 
 def _statement(reader: _Reader, table: str) -> None:
     """``T``, ``O`` or ``R``: the values it is at, and one number, a row or a matrix."""
-    words, kinds = reader.words, _TABLES[table]
+    words, kinds, line = reader.words, _TABLES[table], reader.words.token - 1
     if table not in reader.tables:
         _begin(reader, table)
-    if _quick(reader, table):
-        return
-    where: list[int] = []
-    while len(where) < len(kinds) and (not where or words.peek() == ":"):
-        words.expect(":")
-        where.append(_index(reader, kinds[len(where)]))
-    rules, missing, line = reader.tables[table], len(kinds) - len(where), words.token - 1
+    where = _where(reader, kinds)
+    missing = len(kinds) - len(where)
     if missing == 0:
-        rules.add(where, words.number() * _sign(reader, table) + 0.0, line)  # no -0.0
+        reader.tables[table].add(where, words.number() * _sign(reader, table) + 0.0, line)  # no -0.0
     elif missing > 2:
         raise words.error(f"{table} needs {len(kinds) - 2} of {' : '.join(kinds)} at least before its numbers")
     else:
         _row_or_matrix(reader, table, [*where, *[EACH] * missing], line)
 
 
-def _quick(reader: _Reader, table: str) -> bool:
-    """Take in a statement of one number, as nearly all of a large file are; whether it was one."""
-    kinds, words = _TABLES[table], reader.words
-    ahead = words.ahead(2 * len(kinds) + 1)
-    if len(ahead) <= 2 * len(kinds) or ahead[:-1:2].count(":") < len(kinds):
-        return False
-    where = [reader.numbers[kind].get(word) for kind, word in zip(kinds, ahead[1:-1:2], strict=True)]
-    if None in where:
-        return False  # the long way says what is wrong
-    token = words.token - 1
-    words.skip(2 * len(kinds))
-    reader.tables[table].add(where, words.number() * _sign(reader, table) + 0.0, token)  # type: ignore[arg-type]
-    return True
+def _where(reader: _Reader, kinds: tuple[str, ...]) -> list[int]:
+    """The values that a statement is at, as far as it says them."""
+    words, where = reader.words, []
+    ahead = words.ahead(2 * len(kinds))
+    for kind, colon, word in zip(kinds, ahead[::2], ahead[1::2], strict=False):
+        if colon != ":":
+            break
+        index = reader.numbers[kind].get(word)
+        if index is None:
+            words.skip(2 * len(where) + 2)
+            known = reader.names[kind]
+            raise words.error(f"{quoted(word)} is none of the {len(known):,} {kind}{nearest(word, known)}")
+        where.append(index)
+    words.skip(2 * len(where))
+    return where
 
 
 def _sign(reader: _Reader, table: str) -> float:
     return reader.sign if table == "R" else 1.0
-
-
-def _index(reader: _Reader, kind: str) -> int:
-    word = reader.words.need(f"one of the {kind}")
-    index = reader.numbers[kind].get(word)
-    if index is None:
-        known = reader.names[kind]
-        raise reader.words.error(f"{quoted(word)} is none of the {len(known):,} {kind}{nearest(word, known)}")
-    return index
 
 
 def _begin(reader: _Reader, table: str) -> None:
@@ -237,10 +226,11 @@ def _row_or_matrix(reader: _Reader, table: str, where: list[int], line: int) -> 
     elif word == "identity" and table != "R" and where[1] == EACH and rules.sizes[-2] == rules.sizes[-1]:
         rules.add_identity(where, line)
     elif word == "reset" and table == "T":
-        rules.add_table([*anywhere[:-1], EACH], _initial(reader), line)
+        rules.add_table([*anywhere[:-1], EACH], _initial(reader).tolist(), line)
     else:
-        count = int(np.prod([size for size, value in zip(rules.sizes, where, strict=True) if value == EACH]))
-        rules.add_table(where, words.numbers(count) * _sign(reader, table) + 0.0, line)
+        count = math.prod(size for size, value in zip(rules.sizes, where, strict=True) if value == EACH)
+        sign = _sign(reader, table)
+        rules.add_table(where, [number * sign + 0.0 for number in words.numbers(count)], line)
         return
     words.next()
 
@@ -261,7 +251,7 @@ def _network(reader: _Reader) -> Network:
     if len(reader.names["observations"]) == 1 and not len(reader.tables["O"]):
         reader.tables["O"].add([ANY, ANY, ANY], 1.0, 0)
     begin = Rules([Columns(1, 1, 1).before(0)], [len(reader.names["states"])], reader.start_token)
-    begin.add_table([EACH], _initial(reader), reader.start_token)
+    begin.add_table([EACH], _initial(reader).tolist(), reader.start_token)
     t, o, r = (reader.tables[name] for name in "TOR")
     return Network(
         reader.words.file, float(reader.discount or 0), (Variable("action", reader.names["actions"]),),

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from harness.errors import HarnessError, nearest, quoted
 from harness.formats import diagrams, limits, markup, text
 from harness.formats.markup import Element
@@ -284,6 +282,6 @@ def _add_numbers(scope: Scope, rules: Rules, where: list[int], table: Element, n
         raise scope.error(table, f"{len(numbers):,} numbers where {wanted:,} are needed, one for each value marked '-'")
     values = scope.numbers(table, numbers)
     if EACH in where:
-        rules.add_table(where, np.array(values), table.line)
+        rules.add_table(where, values, table.line)
     else:
         rules.add(where, values[0], table.line)

@@ -149,11 +149,20 @@ class Rules:
         pile.numbers.append(number)
         self._lines.append(line)
 
-    def add_table(self, where: Sequence[int], table: NDArray[np.float64], line: int) -> None:
+    def add_table(self, where: Sequence[int], table: Sequence[float], line: int) -> None:
         """A number for every value of the variables that are :data:`EACH`, the last one running fastest."""
         each = [i for i, value in enumerate(where) if value == EACH]
-        values = np.indices([self.sizes[i] for i in each]).reshape(len(each), -1)
-        self.add_many(where, each, values, table.ravel(), line)
+        if each != list(range(len(where) - len(each), len(where))):
+            values = np.indices([self.sizes[i] for i in each]).reshape(len(each), -1)
+            self.add_many(where, each, values, np.array(table), line)
+            return
+        named = tuple([i for i, value in enumerate(where) if value != ANY])  # and their keys follow each other
+        pile = self._piles.get(named) or self._pile(named)
+        first = sum([where[i] * stride for i, stride in zip(named, pile.strides, strict=True) if where[i] >= 0])
+        pile.keys.extend(range(first, first + len(table)))
+        pile.turns.extend([len(self._lines)] * len(table))
+        pile.numbers.extend(table)
+        self._lines.append(line)
 
     def add_identity(self, where: Sequence[int], line: int) -> None:
         """1 where the two variables that are :data:`EACH` are equal, 0 elsewhere."""

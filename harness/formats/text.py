@@ -41,6 +41,6 @@ def number(word: str, where: str) -> float:
         value = float(word)
     except ValueError:
         value = math.nan
-    if not abs(value) <= LARGEST_REWARD or "_" in word:
+    if not -LARGEST_REWARD <= value <= LARGEST_REWARD or "_" in word:
         raise HarnessError(f"{where}: {quoted(word)} is not a number; a number is needed here")
     return value

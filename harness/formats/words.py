@@ -5,9 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
 from harness.errors import HarnessError, quoted
 from harness.formats import text
 
@@ -93,15 +90,15 @@ class Words:
         except HarnessError:
             raise self.error(f"{quoted(word)} stands where a number is needed") from None
 
-    def numbers(self, count: int) -> NDArray[np.float64]:
+    def numbers(self, count: int) -> list[float]:
         """The next words as numbers."""
         first = self.token
         found = self.ahead(count)
         try:
-            values = np.array([float(word) for word in found])
-        except ValueError:
-            values = np.zeros(0)
-        if len(values) < count or not (np.abs(values) <= text.LARGEST_REWARD).all():
+            values = [text.number(word, "") for word in found]
+        except HarnessError:
+            values = []
+        if len(values) < count:
             self._fail(found, count, first)
         self._place += count
         return values
