@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import logging
 import os
 import re
 import sys
@@ -60,9 +61,19 @@ def _run(arguments: Sequence[str] | None) -> int:
             if word.startswith("--") and word.endswith("=--"):  # argparse would take that for an empty list
                 parser.error(f"{word[:-3]} needs a value, not '--'")
         options = parser.parse_args(words)
+        _tell_of_model_files()
         return int(options.run(options) or 0)
     finally:
         print(end="", flush=True)  # here, where a reader that has gone is still no error
+
+
+def _tell_of_model_files() -> None:
+    """Print what reading a model file has made of it, which the room of formats logs."""
+    log = logging.getLogger("harness.formats")
+    if not log.handlers:
+        log.addHandler(logging.StreamHandler())
+        log.setLevel(logging.INFO)
+        log.propagate = False
 
 
 def _print_anywhere() -> None:

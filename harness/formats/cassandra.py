@@ -61,7 +61,9 @@ def parse(contents: bytes, file: str) -> Network:
             _HEADERS.get(word, _names)(reader, word)
         else:
             known = [*_PREAMBLE, *_TABLES]
-            raise reader.words.error(f"{quoted(word)} begins no statement{nearest(word, known)}; known: {', '.join(known)}")
+            raise reader.words.error(
+                f"{quoted(word)} begins no statement{nearest(word, known)}; known: {', '.join(known)}"
+            )
     return _network(reader)
 
 

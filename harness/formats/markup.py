@@ -80,4 +80,6 @@ class _Builder:
 
     def _refuse(self, name: str, *_: object) -> None:
         line = self.parser.CurrentLineNumber
-        raise HarnessError(f"{self.file}, line {line}: a document type ({quoted(name)}) is not read; take <!DOCTYPE> out")
+        raise HarnessError(
+            f"{self.file}, line {line}: a document type ({quoted(name)}) is not read; take <!DOCTYPE> out"
+        )

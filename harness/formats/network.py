@@ -123,8 +123,9 @@ class Network:
         return points, origin, weight
 
     def place(self, line: int) -> str:
-        """File and line, as messages say them."""
-        return f"{self.file}, line {self.line_of(line)}"
+        """File and line, as messages say them; arrays have no lines."""
+        number = self.line_of(line)
+        return f"{self.file}, line {number}" if number else self.file
 
     def _checked(
         self, function: Function, points: Points

@@ -63,8 +63,9 @@ def row_choices(domain: Domain) -> tuple[Ints, Ints]:
     """(rows,) of which visible value and action each row is, and at which value of the factor that they touch."""
     first, sizes = domain.arrays["first_row"].astype(np.int64), np.array([*domain.factor_sizes, 1])
     size = np.where(first >= 0, sizes[domain.arrays["factor"]], 0)
-    choice, value = np.repeat(np.arange(len(first)), size), np.arange(size.sum()) - np.repeat(
-        np.cumsum(size) - size, size
+    choice, value = (
+        np.repeat(np.arange(len(first)), size),
+        np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size),
     )
     row = np.repeat(first, size) + value
     order = np.argsort(row)

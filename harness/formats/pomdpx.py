@@ -42,7 +42,9 @@ class Scope:
         index = self.values[name].get(word)
         if index is None:
             known = self.variables[name].values
-            raise self.error(element, f"{quoted(word)} is none of the {len(known):,} values of {name}{nearest(word, known)}")
+            raise self.error(
+                element, f"{quoted(word)} is none of the {len(known):,} values of {name}{nearest(word, known)}"
+            )
         return index
 
     def numbers(self, element: Element, words: Sequence[str]) -> list[float]:
@@ -90,7 +92,9 @@ def _discount(sections: dict[str, list[Element]], file: str) -> float:
     element = sections["Discount"][0]
     discount = text.number(" ".join(element.words), f"{file}, line {element.line}")
     if not 0 < discount <= 1:
-        raise HarnessError(f"{file}, line {element.line}: the discount is {discount:g}; it must be above 0, and 1 at most")
+        raise HarnessError(
+            f"{file}, line {element.line}: the discount is {discount:g}; it must be above 0, and 1 at most"
+        )
     return discount
 
 
@@ -122,7 +126,7 @@ def _variables(
 def _attribute(element: Element, name: str, file: str) -> str:
     value = element.attributes.get(name, "").strip()
     if not value or not value.isprintable():
-        raise HarnessError(f"{file}, line {element.line}: <{element.name}> needs {name}=\"…\", a name; give it one")
+        raise HarnessError(f'{file}, line {element.line}: <{element.name}> needs {name}="…", a name; give it one')
     return value
 
 
@@ -148,7 +152,9 @@ def _values(element: Element, name: str, file: str) -> tuple[str, ...]:
     limits.check(what, len(names), most, "make the model smaller")
     if not names or len(set(names)) < len(names):
         wrong = "has two values of one name" if names else "has no values"
-        raise HarnessError(f"{file}, line {element.line}: {name} {wrong}; list them in <ValueEnum>, or give <NumValues>")
+        raise HarnessError(
+            f"{file}, line {element.line}: {name} {wrong}; list them in <ValueEnum>, or give <NumValues>"
+        )
     if bad := next((word for word in names if word in "*-" or not word.isprintable() or len(word) > 200), ""):
         raise HarnessError(f"{file}, line {element.line}: {quoted(bad)} is no name for a value of {name}; rename it")
     return names
@@ -257,7 +263,9 @@ def _entry(scope: Scope, rules: Rules, names: list[str], entry: Element) -> None
     instance = _child(scope, entry, "Instance")
     words = instance.words
     if len(words) != len(names):
-        raise scope.error(instance, f"{len(words)} values for {len(names)} variables: {' '.join(names)}; give one for each")
+        raise scope.error(
+            instance, f"{len(words)} values for {len(names)} variables: {' '.join(names)}; give one for each"
+        )
     where = [scope.value(instance, name, word) for name, word in zip(names, words, strict=True)]
     table = next(entry.all("ProbTable", "ValueTable"), None)
     if table is None:

@@ -86,7 +86,7 @@ def lines(domain: Domain) -> Iterator[str]:
     outgoing.check(domain)
     m = _model(domain)
     yield '<?xml version="1.0" encoding="UTF-8"?>'
-    yield f"<pomdpx version=\"1.0\" id={quoteattr(naming.tokens([domain.name], 'x')[0])}>"
+    yield f'<pomdpx version="1.0" id={quoteattr(naming.tokens([domain.name], "x")[0])}>'
     yield f"<Description>{escape(domain.name)}, version {domain.version}, written by harness export</Description>"
     yield f"<Discount>{domain.discount!r}</Discount>"
     rewards = list(_rewards(m))
@@ -107,8 +107,7 @@ def _section(name: str, inside: Iterable[str]) -> Iterator[str]:
 def _model(domain: Domain) -> _Model:
     names = naming.tokens([_ACTION, _READING, *domain.factors], "f")[2:]
     factors = [
-        _Variable(name, naming.tokens(values, "s"))
-        for name, values in zip(names, domain.factor_labels, strict=True)
+        _Variable(name, naming.tokens(values, "s")) for name, values in zip(names, domain.factor_labels, strict=True)
     ]
     visible = None if outgoing.is_flat(domain) else _visible(domain, names)
     actions, readings = naming.tokens(domain.actions, "a"), naming.tokens(domain.observations, "o")
@@ -178,20 +177,28 @@ def _words(numbers: Iterable[float]) -> str:
 def _start(m: _Model) -> Iterator[str]:
     d, t = m.domain, m.domain.arrays
     begins, marginals = t["prior_visible"].tolist(), t["prior_marginals"]
-    parents = [m.visible.before] if m.visible and len(begins) > 1 else []
+    shares = np.diff(t["start_cdf"], prepend=0.0)
     if m.visible:
-        chance = np.bincount(t["start_visible"], np.diff(t["start_cdf"], prepend=0.0), d.n_visible)
+        chance = np.bincount(t["start_visible"], shares, d.n_visible)
         chance = np.eye(d.n_visible)[begins[0]] if len(begins) == 1 else chance
         yield from _table(m.visible.before, [], [([_EACH], _words(chance.tolist()))])
     elif len(begins) > 1:  # the end is nothing but values of the only factor
-        share = np.bincount(np.searchsorted(begins, t["start_visible"]), np.diff(t["start_cdf"], prepend=0.0))
-        marginals = share[None] @ marginals
-        begins = begins[:1]
+        marginals = np.bincount(np.searchsorted(begins, t["start_visible"]), shares)[None] @ marginals
     for k, factor in enumerate(m.factors):
-        of_it = marginals[:, d.factor_offset[k] : d.factor_offset[k + 1]].tolist()
-        usual = [([_ANY, _EACH], _words(of_it[0]))] if parents else []
-        entries = [([*([m.at(v)] if parents else []), _EACH], _words(row)) for v, row in zip(begins, of_it, strict=True)]
-        yield from _table(factor.before, parents, usual + entries)
+        yield from _factor_start(m, factor, marginals[:, d.factor_offset[k] : d.factor_offset[k + 1]].tolist())
+
+
+def _factor_start(m: _Model, factor: _Variable, marginals: list[list[float]]) -> Iterator[str]:
+    """Its distribution at the start, by the visible value where that makes a difference.
+
+    APPL adds up entries that overlap in this section, so there are none; a value that no episode begins in gets the
+    first distribution.
+    """
+    if m.visible is None or all(each == marginals[0] for each in marginals):
+        return _table(factor.before, [], [([_EACH], _words(marginals[0]))])
+    known = dict(zip(m.domain.arrays["prior_visible"].tolist(), marginals, strict=True))
+    entries = [([value, _EACH], _words(known.get(v, marginals[0]))) for v, value in enumerate(m.visible.values)]
+    return _table(factor.before, [m.visible.before], entries)
 
 
 def _moves(m: _Model) -> Iterator[str]:

@@ -157,9 +157,7 @@ def alike(
     return numbers, firsts
 
 
-def _tried(
-    network: Network, function: Function, points: Points
-) -> Iterator[tuple[NDArray[np.int64], Points]]:
+def _tried(network: Network, function: Function, points: Points) -> Iterator[tuple[NDArray[np.int64], Points]]:
     """Points with all values of the hidden variables that may decide there, and of which point each is."""
     c = network.columns
     free = [x for j in network.hidden for x in (c.before(j), c.after(j)) if x in function.inputs]

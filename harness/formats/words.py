@@ -110,7 +110,9 @@ class Words:
             if not _is_number(word):
                 got = self.token - first
                 self._place += 1
-                raise self.error(f"{quoted(word)} stands where a number is needed: {got:,} of {count:,} numbers are there")
+                raise self.error(
+                    f"{quoted(word)} stands where a number is needed: {got:,} of {count:,} numbers are there"
+                )
             self._place += 1
         raise self.error(f"the file ends after {len(found):,} of {count:,} numbers; is it whole?")
 
