@@ -10,6 +10,7 @@ import contextlib
 import gzip
 import logging
 from pathlib import Path
+from typing import BinaryIO
 
 from harness import files
 from harness.errors import HarnessError, quoted
@@ -27,7 +28,7 @@ _WRITERS = {".pomdp": pomdp_writer.lines, ".pomdpx": pomdpx_writer.lines}
 
 
 def write_model(domain: Domain, path: Path | str) -> list[str]:
-    """Write a domain as a model file, in the format that its name ends in: ``.pomdp``, ``.pomdpx``, either with ``.gz``.
+    """Write a domain as a model file, in the format of its name: ``.pomdp``, ``.pomdpx``, or either with ``.gz``.
 
     Read again, it has the same tables to the last bit, save what is returned: what of the domain is not in the file.
 
@@ -38,10 +39,14 @@ def write_model(domain: Domain, path: Path | str) -> list[str]:
     _check(target)
     packed = target.suffix == ".gz"
     lines = _WRITERS[Path(target.name.removesuffix(".gz")).suffix](domain)
-    with files.replacing(target) as file:
-        with gzip.GzipFile("", "wb", fileobj=file, mtime=0) if packed else contextlib.nullcontext(file) as out:
-            out.writelines(f"{line}\n".encode() for line in lines)
+    with files.replacing(target) as file, _packed(file) if packed else contextlib.nullcontext(file) as out:
+        out.writelines(f"{line}\n".encode() for line in lines)
     return outgoing.losses(domain)
+
+
+def _packed(file: BinaryIO) -> gzip.GzipFile:
+    """The same bytes at any time, under any name."""
+    return gzip.GzipFile("", "wb", fileobj=file, mtime=0)
 
 
 def _check(path: Path) -> None:

@@ -187,7 +187,7 @@ def _statement(reader: _Reader, table: str) -> None:
 
 def _where(reader: _Reader, kinds: tuple[str, ...]) -> list[int]:
     """The values that a statement is at, as far as it says them."""
-    words, where = reader.words, []
+    words, where = reader.words, list[int]()
     ahead = words.ahead(2 * len(kinds))
     for kind, colon, word in zip(kinds, ahead[::2], ahead[1::2], strict=False):
         if colon != ":":
@@ -213,8 +213,8 @@ def _begin(reader: _Reader, table: str) -> None:
     if "observations" in _TABLES[table] and "observations" not in reader.numbers:  # the file is an MDP
         reader.names["observations"], reader.numbers["observations"] = ("none",), {"*": ANY, "0": 0}
     c = Columns(1, 1, 1)
-    columns = {"T": (c.action(0), c.before(0), c.after(0)), "O": (c.action(0), c.after(0), c.reading(0))}
-    columns["R"] = (*columns["T"], c.reading(0))
+    step = (c.action(0), c.before(0), c.after(0))
+    columns = {"T": step, "O": (c.action(0), c.after(0), c.reading(0)), "R": (*step, c.reading(0))}
     sizes = [len(reader.names[kind]) for kind in _TABLES[table]]
     reader.tables[table] = Rules(columns[table], sizes, reader.words.token - 1)
 

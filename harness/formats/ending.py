@@ -81,12 +81,12 @@ def ended(sizes: Sequence[int], steps: Steps, start: Start, *, always: bool) -> 
     live, last = _live(steps, sizes[0] if len(sizes) == 1 else 1), len(steps.terminal)
     if not live.any():  # nothing is ever paid: a model like any other
         live = np.ones_like(live)
-    terminal = ~live.any(axis=1)
+    terminal = np.logical_not(live.any(axis=1))
     partly = ~live & ~terminal[:, None]
     over = partly[steps.visible, steps.value if partly.shape[1] > 1 else 0]
     begin = _moved(start, partly, last)
-    if always or over.any() or (begin.visible == last).any():
-        terminal = np.append(terminal, True)
+    more = always or over.any() or (begin.visible == last).any()
+    terminal = np.append(terminal, np.ones(1 if more else 0, dtype=np.bool_))
     factor = np.append(steps.factor, np.full((len(terminal) - last) * steps.n_actions, -1))
     visible = np.where(over, last, steps.visible)
     return _compact(replace(steps, terminal=terminal, factor=factor, visible=visible)), begin

@@ -1,4 +1,4 @@
-"""How large a model file, and what it defines, may be: a header of a few bytes can ask for more memory than there is."""
+"""How large a model file and what it defines may be: a few bytes can ask for more memory than there is."""
 
 from __future__ import annotations
 

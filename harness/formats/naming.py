@@ -33,6 +33,6 @@ def tokens(names: Sequence[str], letter: str) -> list[str]:
 def readings_hang_on_more(name: str, file_format: str) -> HarnessError:
     """What neither format can say."""
     return HarnessError(
-        f"{name}: what is read after a step depends on where the step came from, which .{file_format} files cannot say; "
-        "keep it as a snapshot (.npz)"
+        f"{name}: what is read after a step depends on where the step came from, which .{file_format} files cannot "
+        "say; keep it as a snapshot (.npz)"
     )

@@ -44,9 +44,8 @@ def arrows(
         HarnessError: they differ in what is read, which belongs to the target in both formats.
     """
     order = np.lexsort((target, source))
-    source, target, probability, reward, reading = (
-        each[order] for each in (source, target, probability, reward, reading)
-    )
+    source, target, probability = source[order], target[order], probability[order]
+    reward, reading = reward[order], reading[order]
     new = (np.diff(source, prepend=-1) != 0) | (np.diff(target, prepend=-1) != 0)
     if new.all():
         return Arrows(source, target, probability, reward, reading)
@@ -97,8 +96,8 @@ def check(domain: Domain) -> None:
     """
     if ((domain.arrays["prior_factor"] >= 0) & (domain.arrays["prior_observation"] >= 0).any(axis=1)).any():
         raise HarnessError(
-            f"{domain.name}: something is read before the first step, which tells of what is hidden; model files cannot "
-            "say that; keep it as a snapshot (.npz)"
+            f"{domain.name}: something is read before the first step, which tells of what is hidden; model files "
+            "cannot say that; keep it as a snapshot (.npz)"
         )
 
 

@@ -5,7 +5,7 @@ Source: "PomdpX file format, version 1.0" and ``pomdpx.xsd``, of the APPL toolki
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from harness.errors import HarnessError, nearest, quoted

@@ -150,7 +150,8 @@ def _variables(m: _Model, rewards: int) -> Iterator[str]:
     yield "<Variable>"
     for variable in [*([m.visible] if m.visible else []), *m.factors]:
         seen = "true" if variable is m.visible else "false"
-        yield f'<StateVar vnamePrev={quoteattr(variable.before)} vnameCurr={quoteattr(variable.after)} fullyObs="{seen}">'
+        names = f"vnamePrev={quoteattr(variable.before)} vnameCurr={quoteattr(variable.after)}"
+        yield f'<StateVar {names} fullyObs="{seen}">'
         yield f"<ValueEnum>{escape(' '.join(variable.values))}</ValueEnum></StateVar>"
     yield f'<ObsVar vname="{_READING}"><ValueEnum>{escape(" ".join(m.readings))}</ValueEnum></ObsVar>'
     yield f'<ActionVar vname="{_ACTION}"><ValueEnum>{escape(" ".join(m.actions))}</ValueEnum></ActionVar>'

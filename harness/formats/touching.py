@@ -7,6 +7,7 @@ their values, as long as these are few. Where more would have to be tried, a var
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 
@@ -149,7 +150,7 @@ def alike(
     known: dict[tuple[bytes, bytes], int] = {}
     firsts: list[int] = []
     numbers = np.empty(n, dtype=np.int64)
-    for i, (a, b) in enumerate(zip(begins, begins[1:], strict=False)):
+    for i, (a, b) in enumerate(itertools.pairwise(begins)):
         number = known.setdefault((values[8 * a : 8 * b], weights[8 * a : 8 * b]), len(known))
         if number == len(firsts):
             firsts.append(i)

@@ -108,7 +108,7 @@ class Domain:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Of a domain from a model file: what the file's variables have become here, and what was lost, in sentences."""
+        """Of a domain from a model file: what the file's variables have become here, and what was lost."""
         return tuple(self.provenance.get("notes", ()))
 
     @property
