@@ -17,7 +17,7 @@ from harness.cli import main
 from harness.errors import HarnessError
 from harness.formats import limits
 
-from .conftest import FULL
+from .conftest import FULL, size
 from .models import Builder, brute_force, rocksample, tiger
 
 TIGER = """# a door with a tiger behind it, and one with gold
@@ -176,8 +176,17 @@ def test_without_observations_it_is_an_mdp(tmp_path):
 
 
 def test_where_nothing_is_paid_any_more_is_the_end(tmp_path):
-    d = read(tmp_path, f"{HEAD}start: a\nT: go : * : b 1\nT: stay identity\nT: * : b : c 1\nT: * : b : b 0\nT: * : c : b 0"
-             "\nT: * : c : c 1\nO: * uniform\nR: go : a : * : * 5\n")  # fmt: skip
+    body = """start: a
+T: go : * : b 1
+T: stay identity
+T: * : b
+0 0 1
+T: * : c
+0 0 1
+O: * uniform
+R: go : a : * : * 5
+"""
+    d = read(tmp_path, HEAD + body)
     over = d.arrays["terminal"][d.arrays["outcome_visible"]]
     values = d.arrays["outcome_value"]
     assert set(values[over].tolist()) == {1, 2}
@@ -310,15 +319,19 @@ def test_variables_that_a_step_ties_become_one_factor(tmp_path):
 
 def test_variables_that_the_start_ties_become_one_factor(tmp_path):
     tied = corridor().replace("<Var>two_0</Var><Parent>null</Parent>", "<Var>two_0</Var><Parent>one_0</Parent>")
-    tied = tied.replace("<Instance>-</Instance>\n<ProbTable>0.25 0.75", "<Instance>- -</Instance>\n<ProbTable>0 1 0.5 0.5")
+    tied = tied.replace(
+        "<Instance>-</Instance>\n<ProbTable>0.25 0.75", "<Instance>- -</Instance>\n<ProbTable>0 1 0.5 0.5"
+    )
     d = read(tmp_path, tied, "corridor.pomdpx")
     assert d.factors == ("one+two",)
     assert prior(d) == [0, 0.5, 0.25, 0.25]
 
 
 def test_a_reward_for_a_reading(tmp_path):
-    paid = corridor().replace("<Parent>do</Parent>", "<Parent>do seen</Parent>").replace(
-        "<Instance>walk</Instance><ValueTable>-1", "<Instance>look bright</Instance><ValueTable>10"
+    paid = (
+        corridor()
+        .replace("<Parent>do</Parent>", "<Parent>do seen</Parent>")
+        .replace("<Instance>walk</Instance><ValueTable>-1", "<Instance>look bright</Instance><ValueTable>10")
     )
     d = read(tmp_path, paid, "corridor.pomdpx")
     # in the west: bright with 0.2 or 0.8, so 2 or 8; in the middle 0 or 9; and to walk costs nothing now
@@ -352,7 +365,7 @@ def _arrays(d):
     return own | {"read": read}
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=size(12, 200), deadline=None)
 @given(st.integers(0, 10**9), st.integers(1, 5), st.integers(1, 3), st.integers(1, 4))
 def test_any_flat_model_is_the_same_after_writing_and_reading(tmp_path_factory, seed, n, n_actions, n_observations):
     rng, folder = np.random.default_rng(seed), tmp_path_factory.mktemp("flat")
@@ -377,7 +390,7 @@ def _rows(rng, *shape):
     return rows / rows.sum(axis=-1, keepdims=True)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=size(12, 200), deadline=None)
 @given(st.integers(0, 10**9), st.lists(st.integers(2, 3), max_size=3), st.integers(1, 3), st.integers(1, 3))
 def test_any_factored_model_is_the_same_after_writing_and_reading(tmp_path_factory, seed, sizes, n_visible, n_actions):
     folder = tmp_path_factory.mktemp("factored")
@@ -446,7 +459,7 @@ def test_what_no_model_file_can_say_is_refused(tmp_path, hidden):
 
 WRONG = {
     "no statement": (HEAD + BODY + "\nQ: a : b 1", r"line 11: 'Q' begins no statement"),
-    "a misspelt word": (HEAD.replace("actions", "acitons") + BODY, r"line 4: 'acitons' begins no statement.*'actions'"),
+    "a misspelt word": (HEAD.replace("actions", "acitons") + BODY, r"line 4: a colon follows 'acitons'.*'actions'"),
     "no discount": (HEAD.replace("discount: 0.9", "") + BODY, r"no 'discount:'"),
     "no transitions": (HEAD, r"no 'T:'"),
     "a discount of 2": (HEAD.replace("0.9", "2") + BODY, r"line 1: the discount is 2"),
@@ -468,7 +481,7 @@ WRONG = {
     "no number": (HEAD + BODY + "R: go : a : a : x nan", r"line 10: 'nan' stands where a number"),
     "a reward without a state": (HEAD + BODY + "R: go 1", r"line 10: R needs 2 of"),
     "the end of a file": (HEAD + BODY + "R: go : a : a : x", r"the file ends where a number is needed"),
-    "a colon": (HEAD + "T go : a 1", r"'go'|needs 1 of"),
+    "a colon": (HEAD + BODY + "T go : a 1", r"line 10: T needs 1 of"),
     "a row of 0.9": (HEAD + BODY + "T: go : a\n0.5 0.4 0", r"line 10: the probabilities of state at action go, state a"),
     "a negative one": (HEAD + BODY + "T: go : a\n1.5 -0.5 0", r"line 10: the probabilities of state.*negative"),
     "readings of nothing": (HEAD + BODY.replace("O: * uniform", ""), r"the probabilities of observation at action go"),
@@ -491,13 +504,13 @@ def test_a_wrong_pomdp_file_is_refused_in_one_sentence(tmp_path, what):
 
 LAUGHS = '<!DOCTYPE pomdpx [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>'
 WRONG_X = {
-    "no XML": (("</Variable>", ""), r"line 61: no XML"),
+    "no XML": (("</Variable>", ""), r"line 44: no XML"),
     "another root": (("<pomdpx ", "<model "), r"no XML|no POMDPX"),
     "a bomb": (("<pomdpx ", LAUGHS + "<pomdpx "), r"line 2: a document type \('pomdpx'\)"),
     "a part": (("<Discount>0.9</Discount>", "<Discuont>0.9</Discuont>"), r"line 2: <Discuont>.*'Discount'"),
     "no discount": (("<Discount>0.9</Discount>", ""), r"no <Discount>"),
     "a discount of 0": (("0.9</Discount>", "0</Discount>"), r"line 2: the discount is 0"),
-    "a kind of variable": (("<RewardVar", "<RewordVar"), r"line 9: <RewordVar> is no kind.*'RewardVar'"),
+    "a kind of variable": (("<RewardVar", "<RewordVar"), r"line 9: <RewordVar> is no kind"),
     "fullyObs": (('fullyObs="true"', 'fullyObs="yes"'), r"line 4: fullyObs is 'yes'"),
     "no name": (('vname="do"', ""), r"line 8: <ActionVar> needs vname"),
     "one name twice": (('vname="do"', 'vname="seen"'), r"'seen' is the name of two variables"),
@@ -534,7 +547,7 @@ def test_a_wrong_pomdpx_file_is_refused_in_one_sentence(tmp_path, what):
 
 
 WRONG_DIAGRAM = {
-    "an unknown variable": (('var="do"', 'var="did"'), r"'did' is no variable of this function.*'do'"),
+    "an unknown variable": (('var="do"', 'var="did"'), r"'did' is no variable of this function"),
     "an unknown value": (('val="look"', 'val="listen"'), r"'listen' is none of the 2 values of do"),
     "a wildcard": (('val="look"', 'val="*"'), r"an edge needs a value"),
     "an unknown kind": (('type="uniform"', 'type="even"'), r"a SubDAG of type 'even'"),
@@ -571,8 +584,10 @@ def test_a_file_that_unpacks_to_more_than_the_limit_is_refused(tmp_path, monkeyp
 
 
 def test_uniform_over_more_states_than_the_tables_hold_is_refused(tmp_path):
-    text = "discount: 0.9\nstates: 30000\nactions: 100\nobservations: 2\nT: * uniform\nO: * uniform\nR: 0 : 0 : 0 : 0 1\n"
-    with pytest.raises(HarnessError, match="900,000,000|90,000,000,000|are too many"):
+    text = (
+        "discount: 0.9\nstates: 30000\nactions: 100\nobservations: 2\nT: * uniform\nO: * uniform\nR: 0 : 0 : 0 : 0 1\n"
+    )
+    with pytest.raises(HarnessError, match="are too many"):
         read(tmp_path, text)
 
 
@@ -608,7 +623,14 @@ def test_arrays_make_the_domain_that_the_file_does(tmp_path):
     ],
 )
 def test_wrong_arrays_are_refused(change, message):
-    right = {"T": [np.eye(2)], "O": np.ones((1, 2, 1)), "R": [[1, 2]], "b0": [0.5, 0.5], "discount": 0.9, "name": "model"}
+    right = {
+        "T": [np.eye(2)],
+        "O": np.ones((1, 2, 1)),
+        "R": [[1, 2]],
+        "b0": [0.5, 0.5],
+        "discount": 0.9,
+        "name": "model",
+    }
     with pytest.raises(HarnessError, match=message):
         harness.from_arrays(**(right | change))
 

@@ -110,6 +110,11 @@ def _check_names(reader: _Reader, kind: str, listed: list[str], known: dict[str,
     for i, name in enumerate(listed):
         if known[name] != i:
             raise reader.words.error(f"two {kind} are called {quoted(name)}; give one another name")
+        if name == ":":
+            raise reader.words.error(
+                f"a colon follows {quoted(listed[i - 1])}, which begins no statement"
+                f"{nearest(listed[i - 1], [*_PREAMBLE, *_TABLES])}"
+            )
         if not _NAME.fullmatch(name) or name[0].isdigit() or not name.isprintable() or len(name) > 200:
             raise reader.words.error(f"{quoted(name)} among the {kind} is no name; names begin with a letter")
 

@@ -1,4 +1,8 @@
-"""A domain as a ``.pomdp`` file: one state for every visible value and value of what is hidden."""
+"""A domain as a ``.pomdp`` file: one state for every visible value and value of what is hidden.
+
+The format knows nothing visible. Where an agent could not tell from its actions which visible value it is in, an
+observation there is a visible value and a reading together.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.errors import HarnessError
 from harness.formats import limits, naming, outgoing
 from harness.formats.outgoing import Arrows
 from harness.formats.rules import spans
@@ -26,6 +31,8 @@ class _Flat:
     first: Ints
     """(V,) a visible value's first state."""
     count: int
+    shown: bool
+    """Whether observations tell the visible value."""
 
     def state(self, visible: Ints, joint: Ints) -> Ints:
         """The states with these parts; a terminal visible value has one state only."""
@@ -48,7 +55,7 @@ def lines(domain: Domain) -> Iterator[str]:
     yield f"discount: {domain.discount!r}\nvalues: reward"
     yield f"states: {' '.join(states) if flat.merged else flat.count}"
     yield f"actions: {' '.join(actions)}"
-    yield f"observations: {' '.join(naming.identifiers(domain.observations, 'o'))}"
+    yield f"observations: {' '.join(_observations(flat))}"
     yield f"start:\n{_words(_start(flat))}"
     yield from _transitions(flat, arrows, actions, states)
     yield from _readings(flat, arrows, actions, states)
@@ -65,7 +72,26 @@ def _flat(domain: Domain) -> _Flat:
     first = np.zeros_like(size) if merged else np.cumsum(size) - size
     mend = "export it as pomdpx, whose tables are over the factors"
     limits.check(f"{domain.name}: states", int(size.sum()), limits.LARGEST_FACTOR, mend)
-    return _Flat(domain, merged, first, int(size.sum()))
+    return _Flat(domain, merged, first, int(size.sum()), not merged and not _is_known(domain))
+
+
+def _is_known(domain: Domain) -> bool:
+    """Whether the actions tell which visible value an agent is in, as long as nothing has ended.
+
+    Raises:
+        HarnessError: they do not, and it may begin in several.
+    """
+    t = domain.arrays
+    choice = np.repeat(outgoing.row_choices(domain)[0], np.diff(t["row_outcomes"]))
+    goes_on = ~t["terminal"][t["outcome_visible"]]
+    ways = np.unique(np.column_stack([choice, t["outcome_visible"]])[goes_on], axis=0)
+    several = (~t["terminal"][t["prior_visible"]]).sum() > 1
+    if several:
+        raise HarnessError(
+            f"{domain.name}: which of several visible values it begins in is known before the first step; .pomdp files "
+            "cannot say that; export it as pomdpx"
+        )
+    return len(np.unique(ways[:, 0])) == len(ways)
 
 
 def _arrows(flat: _Flat) -> Arrows:
@@ -78,15 +104,15 @@ def _arrows(flat: _Flat) -> Arrows:
     stride, sizes = _strides(d)[k], np.array([*d.factor_sizes, 1])[k]
     value = hidden // stride % sizes * (k >= 0)
     row = t["first_row"][choice] + value
-    ends = t["row_outcomes"].astype(np.int64)
-    outcome, of = spans(ends[row], ends[row + 1] - ends[row])
+    begins = t["row_outcomes"].astype(np.int64)
+    outcome, of = spans(begins[row], begins[row + 1] - begins[row])
     moved = np.where(k[of] >= 0, (t["outcome_value"][outcome] - value[of]) * stride[of], 0)
     source = choice % d.n_actions * flat.count + flat.state(choice // d.n_actions, hidden)
     target = flat.state(t["outcome_visible"][outcome].astype(np.int64), hidden[of] + moved)
     reward = t["outcome_reward"][d.shapings.index(d.shaping)][outcome]
-    return outgoing.arrows(
-        d.name, source[of], target, t["outcome_probability"][outcome], reward, t["outcome_observation"][outcome]
-    )
+    ends = t["terminal"][t["outcome_visible"][outcome]] & (not flat.merged)
+    reading = np.where(ends, 0, t["outcome_observation"][outcome])  # what is read at the end is of no use
+    return outgoing.arrows(d.name, source[of], target, t["outcome_probability"][outcome], reward, reading)
 
 
 def _strides(domain: Domain) -> Ints:
@@ -119,20 +145,33 @@ def _transitions(flat: _Flat, arrows: Arrows, actions: list[str], states: list[s
         yield f"T: {actions[i]} : {states[j]} : {states[k]} {p!r}"
 
 
+def _observations(flat: _Flat) -> list[str]:
+    names = naming.identifiers(flat.domain.observations, "o")
+    return [f"v{v}_{name}" for v in range(flat.domain.n_visible) for name in names] if flat.shown else names
+
+
 def _readings(flat: _Flat, arrows: Arrows, actions: list[str], states: list[str]) -> Iterator[str]:
-    """The most frequent distribution everywhere, then the others where they belong."""
+    """Every reading that has a probability; in cases that no step leads to, the first one."""
     case = arrows.source // flat.count * flat.count + arrows.target
     cases, first = np.unique(case, return_index=True)
-    reading = arrows.reading[first]
-    if (arrows.reading != reading[np.searchsorted(cases, case)]).any():
+    reading = np.full(flat.domain.n_actions * flat.count, -1)
+    reading[cases] = arrows.reading[first]
+    if (arrows.reading != reading[case]).any():
         raise naming.readings_hang_on_more(flat.domain.name, "pomdp")
-    table = [_words(row) for row in flat.domain.arrays["observation_probability"]]
-    usual = int(np.bincount(reading).argmax())
-    yield f"O: * : *\n{table[usual]}"
-    for each, number in zip(cases.tolist(), reading.tolist(), strict=True):
-        if number != usual:
-            a, s = divmod(each, flat.count)
-            yield f"O: {actions[a]} : {states[s]}\n{table[number]}"
+    names, of_visible = _observations(flat), _visible(flat) * len(flat.domain.observations)
+    table = [
+        [(o, p) for o, p in enumerate(row) if p > 0] for row in flat.domain.arrays["observation_probability"].tolist()
+    ]
+    for each, number in enumerate(reading.tolist()):
+        a, s = divmod(each, flat.count)
+        for o, p in table[number] if number >= 0 else [(0, 1.0)]:
+            yield f"O: {actions[a]} : {states[s]} : {names[of_visible[s] + o]} {p!r}"
+
+
+def _visible(flat: _Flat) -> Ints:
+    """(states,) the visible value of each state, where observations tell it, else 0."""
+    v = np.searchsorted(flat.first, np.arange(flat.count), "right") - 1
+    return v if flat.shown else np.zeros_like(v)
 
 
 def _rewards(flat: _Flat, arrows: Arrows, actions: list[str], states: list[str]) -> Iterator[str]:

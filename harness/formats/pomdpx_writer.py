@@ -209,11 +209,11 @@ def _moves(m: _Model) -> Iterator[str]:
         yield from _factor_move(m, k, factor)
 
 
-def _shares(ways: Sequence[_Way]) -> tuple[dict[int, float], list[float]]:
+def _shares(m: _Model, ways: Sequence[_Way]) -> tuple[dict[int, float], list[float]]:
     """The probability of each next visible value, and of each outcome given that: their products, exactly where
     one of the two is sure."""
     visible = [way.visible for way in ways]
-    if len(set(visible)) == 1:
+    if m.visible is None or (len(set(visible)) == 1 and len(ways) > 1):
         return {visible[0]: 1.0}, [way.probability for way in ways]
     total: dict[int, float] = {}
     for way in ways:
@@ -222,7 +222,7 @@ def _shares(ways: Sequence[_Way]) -> tuple[dict[int, float], list[float]]:
 
 
 def _visible_move(m: _Model, visible: _Variable) -> Iterator[str]:
-    cases = [(rows, [_shares(row.ways)[0] for row in rows]) for rows in _choices(m)]
+    cases = [(rows, [_shares(m, row.ways)[0] for row in rows]) for rows in _choices(m)]
     tied = sorted({rows[0].factor for rows, shares in cases if any(each != shares[0] for each in shares)})
     parents = [_ACTION, visible.before, *(m.factors[k].before for k in tied)]
     entries = [
@@ -254,11 +254,11 @@ def _given(m: _Model, row: _Row, factors: Sequence[int], alike: bool) -> list[st
 def _factor_move(m: _Model, k: int, factor: _Variable) -> Iterator[str]:
     """It keeps its value, but where a step touches it and may not leave it so."""
     mine = [
-        (rows, [_shares(row.ways)[1] for row in rows])
+        (rows, [_shares(m, row.ways)[1] for row in rows])
         for rows in _choices(m)
         if rows[0].factor == k and any(way.value != row.value for row in rows for way in row.ways)
     ]
-    tied = m.visible is not None and any(_is_tied(row.ways) for rows, _ in mine for row in rows)
+    tied = any(_is_tied(m, row.ways) for rows, _ in mine for row in rows)
     parents = [_ACTION, *([m.visible.before] if m.visible else []), *([m.visible.after] if m.visible and tied else [])]
     anything = [_ANY] * len(parents)
     entries: list[tuple[list[str], str]] = [([*anything, _EACH, _EACH], "identity")]
@@ -273,22 +273,23 @@ def _factor_move(m: _Model, k: int, factor: _Variable) -> Iterator[str]:
     return _table(factor.after, [*parents, factor.before], entries)
 
 
-def _is_tied(ways: Sequence[_Way]) -> bool:
+def _is_tied(m: _Model, ways: Sequence[_Way]) -> bool:
     """Whether what the factor becomes hangs on what is visible next."""
-    shares = _shares(ways)[1]
+    if m.visible is None:
+        return False
     by_visible: dict[int, dict[int, float]] = {}
-    for way, share in zip(ways, shares, strict=True):
+    for way, share in zip(ways, _shares(m, ways)[1], strict=True):
         by_visible.setdefault(way.visible, {})[way.value] = share
     return any(each != by_visible[ways[0].visible] for each in by_visible.values())
 
 
 def _given_next(m: _Model, row: _Row, shares: Sequence[float], tied: bool) -> Iterator[tuple[str, int, float]]:
     """Next visible value (a wildcard where it makes no difference), next value, and its probability given that."""
-    loose = not _is_tied(row.ways)
+    loose = not _is_tied(m, row.ways)
     for way, share in zip(row.ways, shares, strict=True):
         if not loose:
             yield m.at(way.visible), way.value, share
-        elif way.visible == row.ways[0].visible:
+        elif m.visible is None or way.visible == row.ways[0].visible:
             yield _ANY, way.value, share
 
 
@@ -316,14 +317,18 @@ def _reading_cases(m: _Model) -> dict[tuple[int, int], dict[tuple[int, int], int
         HarnessError: it hangs on more than these.
     """
     cases: dict[tuple[int, int], dict[tuple[int, int], int]] = {}
+    ends = m.domain.arrays["terminal"] & (m.visible is not None)
     for row in m.rows:
         for way in row.ways:
             v = way.visible if m.visible else 0
             known = cases.setdefault((row.action, v), {})
-            if known.setdefault((row.factor, way.value), way.reading) != way.reading:
+            if known.setdefault((row.factor, way.value), way.reading) != way.reading and not ends[v]:
                 raise naming.readings_hang_on_more(m.domain.name, "pomdpx")
-    for known in cases.values():
+    for (a, v), known in cases.items():
         if len(set(known.values())) > 1 and len({k for k, _ in known}) > 1:
+            if ends[v]:  # what is read at the end is of no use
+                cases[a, v] = dict([next(iter(known.items()))])
+                continue
             raise naming.readings_hang_on_more(m.domain.name, "pomdpx")
     return cases
 
