@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from harness.bridge import from_model
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
+    from harness.formats import from_arrays, write_model
     from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
@@ -70,6 +71,7 @@ __all__ = [
     "draw_layout",
     "evaluate",
     "evolve",
+    "from_arrays",
     "from_model",
     "load",
     "names",
@@ -82,6 +84,7 @@ __all__ = [
     "sweep_figure",
     "tune",
     "update_scores",
+    "write_model",
     "write_report",
 ]
 
@@ -114,6 +117,7 @@ _HOME = {
     "draw_layout": "show.figures",
     "evaluate": "play.evaluation",
     "evolve": "ge.runs",
+    "from_arrays": "formats",
     "from_model": "bridge",
     "load": "registry",
     "names": "registry",
@@ -126,6 +130,7 @@ _HOME = {
     "sweep": "tuning",
     "sweep_figure": "tuning.figures",
     "tune": "tuning",
+    "write_model": "formats",
     "write_report": "report",
 }
 

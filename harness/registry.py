@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from pathlib import Path
 
-from harness import bridge
+from harness import bridge, formats
 from harness.errors import HarnessError, nearest, quoted
 from harness.model import domain
 from harness.model.domain import Domain
@@ -19,9 +19,10 @@ def names() -> list[str]:
 
 
 def load(name: str | Path) -> Domain:
-    """A domain: by the name of a shipped one, from a snapshot file (``.npz``), or from a Julia file (``.jl``).
+    """A domain: by the name of a shipped one, or from a file.
 
-    A Julia file must end in a POMDPs.jl model; it is run in Julia, which must be set up.
+    A file is a snapshot (``.npz``), a model file (``.pomdp``, ``.pomdpx``, or these with ``.gz``), or a Julia file
+    (``.jl``), which must end in a POMDPs.jl model; it is run in Julia, which must be set up.
 
     Raises:
         HarnessError: there is no such domain, or the file is damaged.
@@ -31,10 +32,12 @@ def load(name: str | Path) -> Domain:
         return bridge.from_file(path)
     if path.suffix == ".npz":
         return domain.read(path)
+    if formats.is_model_file(path):
+        return formats.load(path)
     if name not in names():
         raise HarnessError(
             f"no domain {quoted(name)}{nearest(str(name), names())} "
-            f"(known: {', '.join(names())}; or a .npz snapshot, or a .jl file)"
+            f"(known: {', '.join(names())}; or a file: .npz, .pomdp, .pomdpx, .jl)"
         )
     return _shipped(str(name))
 
@@ -47,9 +50,9 @@ def load_from_data(name: str, allow_code: bool = False) -> Domain:
     Raises:
         HarnessError: it names a file, and ``allow_code`` is False; or as :func:`load`.
     """
-    suffix = Path(name).suffix
-    if suffix in (".jl", ".npz") and not allow_code:
-        raise HarnessError(refusal(name, "run" if suffix == ".jl" else "read"))
+    path = Path(name)
+    if not allow_code and (path.suffix in (".jl", ".npz") or formats.is_model_file(path)):
+        raise HarnessError(refusal(name, "run" if path.suffix == ".jl" else "read"))
     return load(name)
 
 

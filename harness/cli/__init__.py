@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import logging
 import os
 import re
 import sys
@@ -61,6 +62,7 @@ def _run(arguments: Sequence[str] | None) -> int:
             if word.startswith("--") and word.endswith("=--"):  # argparse would take that for an empty list
                 parser.error(f"{word[:-3]} needs a value, not '--'")
         options = parser.parse_args(words)
+        _tell_of_model_files()
         with _on(getattr(options, "cluster", None)):
             return int(options.run(options) or 0)
     finally:
@@ -74,6 +76,15 @@ def _on(cluster: str | None) -> AbstractContextManager[None]:
     from harness.play.cluster import cluster as opened
 
     return opened(cluster)
+
+
+def _tell_of_model_files() -> None:
+    """Print what reading a model file has made of it, which the room of formats logs."""
+    log = logging.getLogger("harness.formats")
+    if not log.handlers:
+        log.addHandler(logging.StreamHandler())
+        log.setLevel(logging.INFO)
+        log.propagate = False
 
 
 def _print_anywhere() -> None:

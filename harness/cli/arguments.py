@@ -15,7 +15,7 @@ _MOST = 2**61 - 1
 def domain_argument(parser: argparse.ArgumentParser, *, resumable: bool = False, several: bool = False) -> None:
     """The positional argument DOMAIN, which may be left out where a run can be resumed; or several."""
     more = "; may be left out with --resume" if resumable else ""
-    text = f"a named domain, a snapshot (.npz) or a Julia file (.jl){more}"
+    text = f"a named domain, a snapshot (.npz), a model file (.pomdp, .pomdpx) or a Julia file (.jl){more}"
     nargs = "?" if resumable else "+" if several else None
     argument = parser.add_argument("domain", nargs=nargs, metavar="DOMAIN", help=text)
     argument.completer = _domains  # type: ignore[attr-defined]  # where argcomplete looks

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from harness.cli.arguments import domain_argument, positive, positive_number
-from harness.errors import HarnessError
+from harness.errors import HarnessError, quoted
 
+FORMATS = ("pomdp", "pomdpx")
 OWN = "solved"
 SOLVERS = ("qmdp", "sarsop", "native-sarsop", "mdp")
 
@@ -26,9 +27,15 @@ def register(commands: Any) -> None:
     julia.add_argument("task", nargs="?", choices=("status", "setup", "test"), default="status", help="default: status")
     julia.set_defaults(run=_julia)
 
-    export = commands.add_parser("export", help="export domains from Julia as snapshots")
-    export.add_argument("domain", nargs="*", metavar="DOMAIN", help="named domains (default: all)")
-    export.add_argument("--out", type=Path, metavar="FOLDER", help="default: the package's own snapshots")
+    export = commands.add_parser("export", help="export domains from Julia as snapshots, or any domain as a model file")
+    export.add_argument(
+        "domain", nargs="*", metavar="DOMAIN", help="named domains (default: all); with --format one, of any kind"
+    )
+    export.add_argument("--format", choices=FORMATS, help="write a model file, without Julia")
+    export.add_argument(
+        "--out", type=Path, metavar="PATH", help="a folder for snapshots (default: the package's own); with --format "
+        "a file, packed if its name ends in .gz (default: DOMAIN.FORMAT here)",
+    )  # fmt: skip
     export.set_defaults(run=_export)
 
     solve = commands.add_parser(
@@ -71,6 +78,30 @@ def _julia(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> None:
+    if options.format:
+        _export_model(options)
+    else:
+        _export_snapshots(options)
+
+
+def _export_model(options: argparse.Namespace) -> None:
+    from harness import formats, registry
+
+    if len(options.domain) != 1:
+        raise HarnessError("--format writes one domain at a time; name one DOMAIN")
+    domain = registry.load(options.domain[0])
+    path = options.out or Path(f"{domain.name.removesuffix('.' + options.format)}.{options.format}")
+    if not path.name.removesuffix(".gz").endswith(f".{options.format}"):
+        raise HarnessError(
+            f"{quoted(path)} does not end in .{options.format} or .{options.format}.gz; give another --out"
+        )
+    lost = formats.write_model(domain, path)
+    print(f"{path}: {domain.name} version {domain.version}, {path.stat().st_size:,} bytes")
+    if lost:
+        print(f"not in the file: {'; '.join(lost)}")
+
+
+def _export_snapshots(options: argparse.Namespace) -> None:
     from harness import bridge, registry
     from harness.model import domain
 

@@ -49,17 +49,19 @@ class Engine(Protocol):
 
 
 def choose(name: str, domain: Domain) -> str:
-    """The engine meant by ``auto``, ``tables`` or ``julia``.
+    """The engine meant by ``auto``, ``tables`` or ``julia``; a domain from a model file has tables only.
 
     Raises:
-        HarnessError: the name is unknown.
+        HarnessError: the name is unknown, or ``julia`` was asked for a domain that has no definition there.
         JuliaError: ``julia`` was asked for and is not set up.
     """
     if name == "auto":
-        return "julia" if bridge.is_set_up() else "tables"
+        return "julia" if domain.in_julia and bridge.is_set_up() else "tables"
     if name not in ENGINES:
         raise HarnessError(f"no engine {quoted(name)}{nearest(name, ENGINES)} (known: auto, {', '.join(ENGINES)})")
     if name == "julia":
+        if not domain.in_julia:
+            raise HarnessError(f"{domain.name} is not defined in Julia; take --engine tables")
         bridge.require_set_up()
     return name
 

@@ -1,7 +1,7 @@
-"""A domain: names, sizes, layout and tables of a POMDP that was defined in Julia.
+"""A domain: names, sizes, layout and tables of a POMDP.
 
-A :class:`Domain` is read from a snapshot (an archive exported by ``harness export``) or made from live Julia; either
-way it holds the same arrays, and no line of Python says how the domain behaves.
+A :class:`Domain` is read from a snapshot (an archive exported by ``harness export``) or a model file, or made from live
+Julia or of plain arrays; either way it holds the same arrays, and no line of Python says how the domain behaves.
 """
 
 from __future__ import annotations
@@ -105,6 +105,16 @@ class Domain:
     def __deepcopy__(self, memo: dict[int, Any]) -> Domain:
         """Itself: nothing in it changes, and copies of policies that hold a domain shall not hold all its arrays."""
         return self
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Of a domain from a model file: what the file's variables have become here, and what was lost."""
+        return tuple(self.provenance.get("notes", ()))
+
+    @property
+    def in_julia(self) -> bool:
+        """Whether Julia has a definition of it, which domains from model files and arrays have not."""
+        return "model file" not in self.provenance
 
     @property
     def n_actions(self) -> int:
