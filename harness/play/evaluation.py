@@ -155,7 +155,7 @@ def simulate(
     for step in range(1, horizon + 1):
         if stepper.done.all():
             return
-        actions = _checked(policy.act(batch), batch)
+        actions = checked(policy.act(batch), batch)
         active = ~stepper.done & (actions != STOP)
         if not active.any():
             return
@@ -176,8 +176,12 @@ def _view(stepper: Engine, seed: int, first: int) -> Batch:
     )
 
 
-def _checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
-    """The policy's actions as the engine takes them."""
+def checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
+    """The policy's actions as the engine takes them.
+
+    Raises:
+        PolicyError: they are no actions.
+    """
     try:
         array = np.array(actions)  # a copy: who holds the policy's own may change it after it has been checked
     except ValueError:  # lists of different lengths
