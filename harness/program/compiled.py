@@ -57,8 +57,8 @@ class Program:
     def live(self) -> NDArray[np.bool_]:
         """(n + 1, registers + factors) at each place, which readings and beliefs may be asked for from there on."""
         domain = self.words.domain
-        factor_of = np.repeat(np.arange(len(domain.factors)), domain.factor_sizes)
-        return live(self.code, self.loop, self.words.register, len(self.words.checks), factor_of, len(domain.factors))
+        sizes = len(self.words.checks), len(domain.factors)
+        return live(self.code, self.loop, self.words.register, sizes[0], domain.factor_of, sizes[1])
 
     @property
     def uses_belief(self) -> bool:
