@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from harness.bridge import from_model
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
+    from harness.expectation.forward import exact
+    from harness.expectation.sums import Exact, Interval
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
     from harness.play.conformance import ConformanceError, check_domain, check_policy
@@ -41,7 +43,9 @@ __all__ = [
     "ConformanceError",
     "Domain",
     "Evaluation",
+    "Exact",
     "HarnessError",
+    "Interval",
     "JuliaError",
     "Policy",
     "PolicyError",
@@ -59,6 +63,7 @@ __all__ = [
     "draw_layout",
     "evaluate",
     "evolve",
+    "exact",
     "from_model",
     "load",
     "names",
@@ -79,7 +84,9 @@ _HOME = {
     "ConformanceError": "play.conformance",
     "Domain": "model.domain",
     "Evaluation": "play.evaluation",
+    "Exact": "expectation.sums",
     "HarnessError": "errors",
+    "Interval": "expectation.sums",
     "JuliaError": "errors",
     "Policy": "policy",
     "PolicyError": "errors",
@@ -97,6 +104,7 @@ _HOME = {
     "draw_layout": "show.figures",
     "evaluate": "play.evaluation",
     "evolve": "ge.runs",
+    "exact": "expectation.forward",
     "from_model": "bridge",
     "load": "registry",
     "names": "registry",

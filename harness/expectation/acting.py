@@ -1,4 +1,4 @@
-"""A policy asked by situation instead of by episode: what it remembers is put before it, and read back after it acts."""
+"""A policy asked by situation, not by episode: what it remembers is put before it, and read back after it acts."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ from harness.policy import Policy
 from harness.policy.base import fresh
 
 
+class NotExact(PolicyError):
+    """A policy's expected return cannot be computed, but it can be sampled."""
+
+
 class _Situations(Batch):
     """A batch whose rows are situations: it has no episodes, hence no random numbers."""
 
@@ -28,7 +32,7 @@ class _Situations(Batch):
     def __getattr__(self, name: str) -> Any:
         """``seed`` and ``first``, which situations have not."""
         if name in ("seed", "first"):
-            raise PolicyError("it draws random numbers, so that what it earns can only be sampled")
+            raise NotExact("it draws random numbers, so that what it earns can only be sampled")
         raise AttributeError(name)
 
 
@@ -36,10 +40,14 @@ class Actor:
     """Plays a policy that says what it remembers (:attr:`harness.policy.base.Remembering.memory`)."""
 
     def __init__(self, domain: Domain, policy: Policy) -> None:
-        """Raises PolicyError where the policy does not say what it remembers."""
+        """A copy of the policy plays.
+
+        Raises:
+            NotExact: the policy does not say what it remembers.
+        """
         names = getattr(policy, "memory", None)
         if names is None:
-            raise PolicyError("it does not say what it remembers (memory), so that what it earns can only be sampled")
+            raise NotExact("it does not say what it remembers (memory), so that what it earns can only be sampled")
         self._domain, self._policy, self._names = domain, fresh(policy), tuple(names)
         self._sees_belief = getattr(policy, "uses_belief", True)
 
@@ -50,10 +58,11 @@ class Actor:
         return Layer(np.hstack([*map(_words, self._like), layer.key]), layer.mass)
 
     def act(self, key: NDArray[np.int64], step: int) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        """The actions (S,), and by factor whether the policy may yet look at its belief (S, K); memory moves on in place.
+        """The actions (S,), and of which factors the policy may yet look at the belief (S, K); memory moves on in place.
 
         Raises:
-            PolicyError: it draws random numbers, or its actions are none.
+            NotExact: it draws random numbers.
+            PolicyError: its actions are none.
         """
         column = 0
         for name, like in zip(self._names, self._like, strict=True):

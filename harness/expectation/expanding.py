@@ -20,7 +20,7 @@ def ways(t: Tables) -> NDArray[np.int64]:
             continue
         k = t.choices[va].factor
         n = 1 if k < 0 else t.factor_offset[k + 1] - t.factor_offset[k]
-        met = set([np.int64(-1)])
+        met = {np.int64(-1)}
         for j in range(t.rows[row].first, t.rows[row + n - 1].last):
             for o in range(n_readings):
                 if t.reading_probability[t.outcomes[j].reading, o] > 0.0 and not t.outcomes[j].ends:
@@ -44,8 +44,8 @@ def expand(
 ) -> int:
     """Write the situations after the step to ``children``, ``weights`` and the rows they come from to ``parents``.
 
-    There must be room for one more than :func:`ways` counts. Those that end, or stop, are left out. Returned is how many
-    there are. ``rewards`` and ``ended`` (S,) take what the step of each is paid, and the probability that it ends the
+    There must be room for one more than :func:`ways` counts. Those that end, or stop, are left out. Returned is how
+    many there are. ``rewards`` and ``ended`` (S,) take what the step of each is paid, and the probability that it ends the
     episode, both times the situation's own probability.
     """
     choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions

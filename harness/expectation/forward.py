@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import registry
 from harness import policy as policies
-from harness.errors import PolicyError, check_whole
-from harness.expectation.acting import Actor
+from harness import registry
+from harness.errors import check_whole
+from harness.expectation.acting import Actor, NotExact
 from harness.expectation.expanding import expand, ways
 from harness.expectation.merging import merge
 from harness.expectation.situations import Layer, first_layer, visible_of
@@ -21,7 +21,7 @@ from harness.progress import Bar, Progress
 
 MEMORY = 2_000_000_000
 """Bytes that the situations of a step may take."""
-_LEAST_MEMORY, _MOST_MEMORY = 1_000_000, 2**50
+_LEAST_MEMORY, _MOST_MEMORY = 10_000, 2**50
 _BESIDES = 48
 """Bytes that a situation takes for a while: the row it comes from, the tables of merging."""
 
@@ -49,7 +49,7 @@ def exact(
         progress: True for a bar of the steps on a terminal, or a function told of every step.
 
     Raises:
-        PolicyError: the policy draws random numbers, or does not say what it remembers.
+        NotExact: the policy draws random numbers, or does not say what it remembers.
         HarnessError: an argument is wrong.
     """
     domain = registry.load(domain) if isinstance(domain, str) else domain
@@ -60,8 +60,8 @@ def exact(
         actor = Actor(domain, made)
         with Bar(progress, horizon, desc=name, unit="step", delay=2) as bar:
             return _Forward(domain, actor, horizon, memory).run(name, bar)
-    except PolicyError as error:
-        raise PolicyError(f"{name} has no exact return: {error}") from None
+    except NotExact as error:
+        raise NotExact(f"{name} has no exact return: {error}") from None
 
 
 class _Forward:
@@ -95,16 +95,14 @@ class _Forward:
             self.sums.leave(Layer(layer.key[~fits], layer.mass[~fits]), step)
             layer, actions, watched = Layer(layer.key[fits], layer.mass[fits]), actions[fits], watched[fits]
             counts = counts[fits]
-        return self._expanded(layer, actions, watched, int(counts.sum()) + 1)  # one that turns out impossible is written too
+        return self._expanded(layer, actions, watched, int(counts.sum()) + 1)  # the one: see expand
 
     def _room(self, layer: Layer) -> int:
         """Situations that a step may have: they lie in memory together with those that they come from."""
         each = 2 * (8 * layer.key.shape[1] + 8 + len(self.domain.factors)) + _BESIDES
         return self.memory // each
 
-    def _expanded(
-        self, layer: Layer, actions: NDArray[np.int32], watched: NDArray[np.bool_], room: int
-    ) -> Layer:
+    def _expanded(self, layer: Layer, actions: NDArray[np.int32], watched: NDArray[np.bool_], room: int) -> Layer:
         key, mass = np.empty((room, layer.key.shape[1]), dtype=np.int64), np.empty(room)
         parents = np.empty(room, dtype=np.int64)
         rewards, ended = np.empty(len(layer.mass)), np.empty(len(layer.mass))

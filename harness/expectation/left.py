@@ -1,4 +1,4 @@
-"""What situations that were not expanded can still earn: at most with everything observed, at least by the worst luck."""
+"""What situations that were not expanded can still earn: at most with all observed, at least by the worst luck."""
 
 from __future__ import annotations
 
@@ -75,9 +75,7 @@ def _worst(t: Tables, horizon: int, discount: float) -> NDArray[np.float64]:
                 n = 1 if k < 0 else t.factor_offset[k + 1] - t.factor_offset[k]
                 if row >= 0:
                     for j in range(t.rows[row].first, t.rows[row + n - 1].last):
-                        least = min(
-                            least, t.outcomes[j].reward + discount * value[left - 1, t.outcomes[j].visible]
-                        )
+                        least = min(least, t.outcomes[j].reward + discount * value[left - 1, t.outcomes[j].visible])
             value[left, v] = least
     return value
 

@@ -93,7 +93,7 @@ def _merge(
     for r in range(count):
         if k >= 0 and not watched[r, k]:
             _settle(marginals, r, first, last, mass[r])
-    return count, members[:count].max() if count else 1
+    return count, int(members.max()) if count else 1
 
 
 @inlined

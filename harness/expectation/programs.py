@@ -47,7 +47,7 @@ def expected(domain: Domain, programs: Sequence[Program], horizon: int, room: in
     found = Expected(np.full(len(programs), np.nan), np.zeros(len(programs), dtype=np.int64))
     if not programs:
         return found
-    lengths = [len(program.code) for program in programs]
+    lengths = np.array([len(program.code) for program in programs])
     code, last = np.concatenate([program.code for program in programs]), np.cumsum(lengths)
     loop = np.array([program.loop for program in programs])
     words, begin = programs[0].words, first_layer(domain)

@@ -137,8 +137,18 @@ class Sums:
         weights = self._domain.discount ** np.arange(len(self._rewards))
         rewards = np.array(self._rewards)
         known = np.array([rewards.sum(), rewards @ weights, np.sum(self._active), np.sum(self._ended)])
-        intervals = [Interval(*ends) for ends in zip((known + self._low).tolist(), (known + self._high).tolist(), strict=True)]
+        ends = zip((known + self._low).tolist(), (known + self._high).tolist(), strict=True)
+        mean, discounted, steps, success = (Interval(*pair) for pair in ends)
         return Exact(
-            self._domain, name, self._horizon, *intervals,
-            rounding=self._rounding, situations=self._situations, widest=self._widest, left=self._left,
-        )  # fmt: skip
+            domain=self._domain,
+            policy=name,
+            horizon=self._horizon,
+            mean=mean,
+            discounted=discounted,
+            steps=steps,
+            success=success,
+            rounding=self._rounding,
+            situations=self._situations,
+            widest=self._widest,
+            left=self._left,
+        )

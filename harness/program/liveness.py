@@ -11,7 +11,12 @@ from harness.program.words import ACT, AGAIN, BELIEF, ELSE, IF, REGISTER, WHILE
 
 @compiled
 def live(
-    code: Records, loop: bool, register: NDArray[np.int16], n_registers: int, factor_of: NDArray[np.int64], n_factors: int
+    code: Records,
+    loop: bool,
+    register: NDArray[np.int16],
+    n_registers: int,
+    factor_of: NDArray[np.int64],
+    n_factors: int,
 ) -> NDArray[np.bool_]:
     """(n + 1, registers + factors) whether a register, or the belief over a factor, may be read from a place on.
 
