@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -14,6 +15,7 @@ from harness.errors import HarnessError, PolicyError
 from harness.expectation.left import Prospects
 from harness.expectation.programs import expected
 from harness.expectation.situations import first_layer
+from harness.play.evaluation import simulate
 from harness.policy.base import Stateless
 from harness.policy.program import ProgramPolicy
 from harness.program import parse, words_of
@@ -27,7 +29,7 @@ CLOSE = 1e-9
 def by_histories(domain, decide, depth):
     """Undiscounted and discounted return of ``decide(memory, visible, reading, belief) -> (action, memory)``.
 
-    By recursion over all histories with the joint belief in a dictionary; ``belief`` is unnormalized. Nothing is merged.
+    By recursion over all histories with the joint belief in a dictionary; ``belief`` is unnormalized.
     """
     t = domain.arrays
     starts = np.diff(t["start_cdf"], prepend=0)
@@ -132,39 +134,52 @@ def test_a_policy_of_beliefs_earns_what_all_histories_say(unknown):
         assert [found.mean.low, found.discounted.low] == pytest.approx(known, abs=found.rounding + CLOSE)
 
 
-ROCKS = models.rocksample(3, [(1, 1), (2, 0)], (0, 1))
+ROCKS = dataclasses.replace(
+    models.rocksample(3, [(1, 1), (2, 0)], (0, 1)),
+    actions=("up()", "right()", "down()", "left()", "sample()", "check(1)", "check(2)"),
+    observations=("none", "good", "bad"),
+    features=(("belief(1)", 0, 1), ("belief(2)", 1, 1)),
+)
 CHECK, SAMPLE, RIGHT, DOWN = 5, 4, 1, 2
+GOOD, BAD = 1, 2
 
 
-def spelled(text):
-    """A program of this small RockSample, whose words are a0() … a6()."""
-    return ProgramPolicy(parse(text, words_of(ROCKS)))
+def test_a_program_earns_what_all_histories_say():
+    text = """
+        check(1)
+        if(belief(1) < 0.6) check(1)
+        right()
+        if(belief(1) > 0.5) { sample() down() } else check(2)
+        if(not 2 == "bad" and 1 == "good") right()
+        sample()
+        right()
+        right()
+    """
+    policy = ProgramPolicy(parse(text, words_of(ROCKS)))
 
-
-def test_a_program_that_asks_for_beliefs_earns_what_all_histories_say():
-    policy = spelled(
-        "a5()\nif(x0 < 0.6) a5()\na1()\nif(x0 > 0.5) { a4() a2() } else a6()\nif(x1 > 0.5) a1()\na4()\na1()\na1()"
-    )
-
-    def decide(at, v, o, belief):
-        total = sum(belief.values())
-        good = [sum(p for hidden, p in belief.items() if hidden[k]) / total for k in (0, 1)]
-        at = at or "check"
-        if at == "check":
-            return CHECK, "again"
-        if at == "again" and good[0] < 0.6:
-            return CHECK, "go"
+    def decide(memory, v, o, belief):
+        at, first, second = memory or ("check", None, None)
+        good = sum(p for hidden, p in belief.items() if hidden[0]) / sum(belief.values())
         if at in ("again", "go"):
-            return RIGHT, "decide"
+            first = o
+        if at == "after check(2)":
+            second = o
+        if at == "check":
+            return CHECK, ("again", first, second)
+        if at == "again" and good < 0.6:
+            return CHECK, ("go", first, second)
+        if at in ("again", "go"):
+            return RIGHT, ("decide", first, second)
         if at == "decide":
-            return (SAMPLE, "down") if good[0] > 0.5 else (CHECK + 1, "second")
+            return (SAMPLE, ("down", first, second)) if good > 0.5 else (CHECK + 1, ("after check(2)", first, second))
         if at == "down":
-            return DOWN, "second"
-        if at == "second" and good[1] > 0.5:
-            return RIGHT, "sample"
-        if at in ("second", "sample"):
-            return SAMPLE, "right"
-        return (RIGHT, "last") if at == "right" else (RIGHT, "end") if at == "last" else (-1, "end")
+            return DOWN, ("second", first, second)
+        if at in ("second", "after check(2)") and second != BAD and first == GOOD:
+            return RIGHT, ("sample", first, second)
+        if at in ("second", "after check(2)", "sample"):
+            return SAMPLE, ("right", first, second)
+        after = {"right": "last", "last": "end"}.get(at)
+        return (RIGHT, (after, first, second)) if after else (-1, memory)
 
     found = harness.exact(ROCKS, policy, horizon=12)
     known = by_histories(ROCKS, decide, 12)
@@ -194,9 +209,7 @@ def test_the_first_reading_is_part_of_the_first_situations(hidden):
     layer = first_layer(hidden)
     assert layer.mass.sum() == pytest.approx(1)
     reading = layer.key[:, 0] % 2**32 - 1
-    played = next(
-        harness.play.evaluation.simulate(hidden, policies.make("random", hidden)[1], "tables", 0, 0, 20_000, 1)
-    )
+    played = next(simulate(hidden, policies.make("random", hidden)[1], "tables", 0, 0, 20_000, 1))
     counts = np.bincount(played.batch.observation, minlength=hidden.n_observations) / 20_000
     found = np.bincount(reading, weights=layer.mass, minlength=hidden.n_observations)
     assert found == pytest.approx(counts, abs=0.015)

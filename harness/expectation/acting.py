@@ -58,7 +58,7 @@ class Actor:
         return Layer(np.hstack([*map(_words, self._like), layer.key]), layer.mass)
 
     def act(self, key: NDArray[np.int64], step: int) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        """The actions (S,), and of which factors the policy may yet look at the belief (S, K); memory moves on in place.
+        """The actions (S,), and which factors' beliefs the policy may yet look at (S, K); memory moves on in place.
 
         Raises:
             NotExact: it draws random numbers.

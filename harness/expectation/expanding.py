@@ -9,25 +9,17 @@ from harness.expectation.situations import SEEN
 from harness.model.tables import STOP, Records, Tables, compiled, inlined, update_belief
 
 
-@compiled
 def ways(t: Tables) -> NDArray[np.int64]:
     """(V·A,) of every visible value and action, how many situations a step makes of one at most."""
-    found = np.zeros(len(t.choices), dtype=np.int64)
-    n_readings = t.reading_probability.shape[1]
-    for va in range(len(t.choices)):
-        row = t.choices[va].first_row
-        if row < 0:
-            continue
-        k = t.choices[va].factor
-        n = 1 if k < 0 else t.factor_offset[k + 1] - t.factor_offset[k]
-        met = {np.int64(-1)}
-        for j in range(t.rows[row].first, t.rows[row + n - 1].last):
-            for o in range(n_readings):
-                if t.reading_probability[t.outcomes[j].reading, o] > 0.0 and not t.outcomes[j].ends:
-                    which = j if k < 0 else t.outcomes[j].visible  # without a factor each outcome is by itself
-                    met.add(np.int64(which) * n_readings + o)
-        found[va] = len(met) - 1
-    return found
+    sizes = np.append(np.diff(t.factor_offset), 1)  # the last one: no factor
+    rows_of = np.where(t.choices["first_row"] < 0, 0, sizes[t.choices["factor"]])
+    per_row = t.rows["last"] - t.rows["first"]
+    choice = np.repeat(np.repeat(np.arange(len(t.choices)), rows_of), per_row)  # of each outcome
+    apart = t.choices["factor"][choice] < 0  # without a factor each outcome is by itself
+    which = np.where(apart, np.arange(len(t.outcomes)), t.outcomes["visible"])
+    outcome, reading = np.nonzero((t.reading_probability > 0)[t.outcomes["reading"]] & ~t.outcomes["ends"][:, None])
+    different = np.unique(np.stack([choice[outcome], which[outcome], reading]), axis=1)
+    return np.bincount(different[0], minlength=len(t.choices))
 
 
 @compiled
@@ -45,8 +37,8 @@ def expand(
     """Write the situations after the step to ``children``, ``weights`` and the rows they come from to ``parents``.
 
     There must be room for one more than :func:`ways` counts. Those that end, or stop, are left out. Returned is how
-    many there are. ``rewards`` and ``ended`` (S,) take what the step of each is paid, and the probability that it ends the
-    episode, both times the situation's own probability.
+    many there are. ``rewards`` and ``ended`` (S,) take what the step of each is paid, and the probability that it ends
+    the episode, both times the situation's own probability.
     """
     choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions
     probability, factor_offset = t.reading_probability, t.factor_offset
@@ -73,7 +65,8 @@ def expand(
                     ended[e] += share
                 elif k < 0 or not _met(rows, outcomes, marginals, e, first, first_row, x, j):
                     for o in range(probability.shape[1]):
-                        children[count] = key[e]
+                        for c in range(key.shape[1]):
+                            children[count, c] = key[e, c]
                         children[count, words - 1] = vp * SEEN + o + 1
                         weight = share * probability[outcomes[j].reading, o]
                         if k >= 0:

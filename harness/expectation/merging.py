@@ -81,8 +81,7 @@ def _merge(
         if r < 0:
             r = table[slot] = count
             count += 1
-            if r != e:
-                key[r], mass[r], watched[r] = key[e], mass[e], watched[e]
+            _move(key, mass, watched, e, r)
             for c in range(low, high):
                 marginals[r, c] *= mass[r]
         else:
@@ -93,7 +92,20 @@ def _merge(
     for r in range(count):
         if k >= 0 and not watched[r, k]:
             _settle(marginals, r, first, last, mass[r])
-    return count, int(members.max()) if count else 1
+    most = 1
+    for r in range(count):
+        most = max(most, int(members[r]))
+    return count, most
+
+
+@inlined
+def _move(key: NDArray[np.int64], mass: NDArray[np.float64], watched: NDArray[np.bool_], e: int, r: int) -> None:
+    if r != e:
+        for c in range(key.shape[1]):
+            key[r, c] = key[e, c]
+        for k in range(watched.shape[1]):
+            watched[r, k] = watched[e, k]
+        mass[r] = mass[e]
 
 
 @inlined
