@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,13 +15,22 @@ def ways(t: Tables) -> NDArray[np.int64]:
     """(V·A,) of every visible value and action, how many situations a step makes of one at most."""
     sizes = np.append(np.diff(t.factor_offset), 1)  # the last one: no factor
     rows_of = np.where(t.choices["first_row"] < 0, 0, sizes[t.choices["factor"]])
-    per_row = t.rows["last"] - t.rows["first"]
-    choice = np.repeat(np.repeat(np.arange(len(t.choices)), rows_of), per_row)  # of each outcome
+    row, choice = _ranges(t.choices["first_row"], rows_of)
+    j, of_row = _ranges(t.rows["first"][row], (t.rows["last"] - t.rows["first"])[row])
+    choice = choice[of_row]
     apart = t.choices["factor"][choice] < 0  # without a factor each outcome is by itself
-    which = np.where(apart, np.arange(len(t.outcomes)), t.outcomes["visible"])
-    outcome, reading = np.nonzero((t.reading_probability > 0)[t.outcomes["reading"]] & ~t.outcomes["ends"][:, None])
+    which = np.where(apart, j, t.outcomes["visible"][j])
+    can = (t.reading_probability > 0)[t.outcomes["reading"][j]] & ~t.outcomes["ends"][j, None]
+    outcome, reading = np.nonzero(can)
     different = np.unique(np.stack([choice[outcome], which[outcome], reading]), axis=1)
     return np.bincount(different[0], minlength=len(t.choices))
+
+
+def _ranges(first: NDArray[Any], count: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """``first … first + count − 1`` of every pair, one range after the other, and which pair each number is of."""
+    pair = np.repeat(np.arange(len(first)), count)
+    begins = np.cumsum(count) - count
+    return first[pair] + np.arange(len(pair)) - begins[pair], pair
 
 
 @compiled

@@ -92,10 +92,16 @@ def _merge(
     for r in range(count):
         if k >= 0 and not watched[r, k]:
             _settle(marginals, r, first, last, mass[r])
+    return count, _most(members)
+
+
+@inlined
+def _most(members: NDArray[np.int32]) -> int:
     most = 1
-    for r in range(count):
-        most = max(most, int(members[r]))
-    return count, most
+    for r in range(len(members)):
+        if members[r] > most:
+            most = members[r]
+    return int(most)
 
 
 @inlined

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeGuard
 
@@ -193,7 +194,7 @@ def _exact_cells(entry: _Entry, policy: Policy, settings: _Settings) -> dict[str
     except NotExact:
         return None
     low, high = (bounds.share(end, entry.optimum) for end in found.discounted)
-    error = 0.0 if found.is_exact else None
+    error = 0.0 if found.is_exact else math.nan
     return {
         **_origin(entry),
         "kind": "policy",
