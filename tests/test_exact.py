@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import json
+import re
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import harness
 from harness import policy as policies
 from harness import registry
 from harness.errors import HarnessError, PolicyError
+from harness.expectation.chain import endless
 from harness.expectation.left import Prospects
 from harness.expectation.programs import expected
 from harness.expectation.situations import first_layer
@@ -326,3 +329,87 @@ def test_evolution_on_exact_fitness(rocksample):
         assert run.best.validation == pytest.approx(harness.exact(rocksample, run.best.policy).mean.low, abs=CLOSE)
         assert run.best.text == runs[0].best.text
         assert (run.finalists["validation_sem"] == 0).all()
+
+
+LISTEN = {
+    "start": "0",
+    "nodes": {
+        "0": [{"do": "a0()", "go": "heard"}],
+        "heard": [{"reading": "o0", "do": "a0()", "go": "left"}, {"do": "a0()", "go": "right"}],
+        "left": [{"reading": "o0", "do": "a2()", "go": "0"}, {"do": "a0()", "go": "heard"}],
+        "right": [{"reading": "o1", "do": "a1()", "go": "0"}, {"do": "a0()", "go": "heard"}],
+    },
+}
+"""Tiger: opens the other door after two equal readings. A pair of different ones counts for nothing, but its second does."""
+
+
+def controller(tmp_path, record, domain):
+    path = tmp_path / "controller.json"
+    path.write_text(json.dumps(record), encoding="utf-8")
+    return policies.make(f"fsc:{path}", domain)[1]
+
+
+def test_a_controller_earns_what_all_histories_say(tmp_path):
+    tiger = models.tiger()
+
+    def decide(memory, v, o, _):
+        node = memory or "0"
+        rule = next(rule for rule in LISTEN["nodes"][node] if rule.get("reading", f"o{o}") == f"o{o}")
+        return int(rule["do"][1]), rule["go"]
+
+    found = harness.exact(tiger, controller(tmp_path, LISTEN, tiger), horizon=8)
+    known = by_histories(tiger, decide, 8)
+    assert [found.mean.low, found.discounted.low] == pytest.approx(known, abs=CLOSE)
+
+
+def test_without_a_horizon_a_controller_earns_the_solution_of_its_linear_system(tmp_path, rocksample, hidden):
+    tiger = models.tiger()
+    policy = controller(tmp_path, LISTEN, tiger)
+    found = endless(tiger, policy)
+    assert found.error < 1e-9
+    assert found.value == pytest.approx(harness.exact(tiger, policy, horizon=700).discounted.low, abs=1e-7)
+    always = {"start": "a", "nodes": {"a": [{"do": "a0()"}]}}
+    assert endless(tiger, controller(tmp_path, always, tiger)).value == pytest.approx(-1 / (1 - 0.95))
+    reading = {"start": "a", "nodes": {"a": [{"do": "check(3)", "go": "b"}]}}
+    reading["nodes"]["b"] = [{"reading": "good", "do": "up()", "go": "c"}, {"do": "right()"}]
+    reading["nodes"]["c"] = [{"visible": {"y": 5}, "do": "right()"}, {"do": "sample()"}]
+    rocks = controller(tmp_path, reading, rocksample)
+    known = harness.exact(rocksample, rocks, horizon=50).discounted.low
+    assert endless(rocksample, rocks).value == pytest.approx(known, abs=1e-7)
+    crossing = {"start": "a", "nodes": {"a": [{"reading": "0", "do": "cooperate()"}, {"do": "right(1)", "go": "b"}]}}
+    crossing["nodes"]["b"] = [{"do": "right(2)", "go": "a"}]
+    known = harness.exact(hidden, controller(tmp_path, crossing, hidden), horizon=600).discounted.low
+    assert endless(hidden, controller(tmp_path, crossing, hidden)).value == pytest.approx(known, abs=1e-6)
+
+
+def test_a_controller_of_paynt_is_read(tmp_path):
+    """As its to_json writes it: gamma and delta over (node, observation), with labels."""
+    tiger = models.tiger()
+    record = {
+        "num_nodes": 2,
+        "num_observations": 3,
+        "action_function": [[0, 1, 0], [0, 0, 2]],
+        "update_function": [[1, 0, 1], [0, 1, 0]],
+        "action_labels": ["a0()", "a2()", "a1()"],
+        "observation_labels": ["__init__", "o0", "o1"],
+    }
+    policy = controller(tmp_path, record, tiger)
+    assert policy.nodes.action[:, 0].tolist() == [[0, 2, 0], [0, 0, 1]]
+    assert policy.nodes.next[:, 0].tolist() == [[1, 0, 1], [0, 1, 0]]
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"start": "nowhere"}, "start must be one of the nodes, not 'nowhere'"),
+        ({"nodes": {}}, "at least one node"),
+        ({"nodes": {"0": [{"reading": "o0", "do": "a0()"}]}}, "last rule must have no conditions"),
+        ({"nodes": {"0": [{"do": "dance()"}]}}, "rule 1: do must be an action of tiger or stop, not 'dance"),
+        ({"nodes": {"0": [{"reading": "o7", "do": "a0()"}, {"do": "a0()"}]}}, "rule 1: no reading 'o7'"),
+        ({"nodes": {"0": [{"does": "a0()"}]}}, "no key 'does'"),
+        ({"action_function": [[{"0": 0.5, "1": 0.5}]], "update_function": [[0]], "num_nodes": 1, "num_observations": 1}, "random"),
+    ],
+)  # fmt: skip
+def test_a_wrong_controller_is_refused_in_one_sentence(tmp_path, change, why):
+    with pytest.raises(PolicyError, match=re.escape(why)):
+        controller(tmp_path, LISTEN | change, models.tiger())

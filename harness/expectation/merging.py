@@ -92,16 +92,7 @@ def _merge(
     for r in range(count):
         if k >= 0 and not watched[r, k]:
             _settle(marginals, r, first, last, mass[r])
-    return count, _most(members)
-
-
-@inlined
-def _most(members: NDArray[np.int32]) -> int:
-    most = 1
-    for r in range(len(members)):
-        if members[r] > most:
-            most = members[r]
-    return int(most)
+    return count, int(members.max()) if count else 1
 
 
 @inlined
@@ -130,7 +121,7 @@ def _settle(marginals: NDArray[np.float64], e: int, first: int, last: int, total
 
 
 @inlined
-def _hash(key: NDArray[np.int64], e: int, low: int, high: int) -> int:
+def _hash(key: NDArray[np.int64], e: int, low: int, high: int) -> np.int64:
     h = np.uint64(0x9E3779B97F4A7C15)
     for c in range(key.shape[1]):
         if c < low or c >= high:
