@@ -340,7 +340,18 @@ LISTEN = {
         "right": [{"reading": "o1", "do": "a1()", "go": "0"}, {"do": "a0()", "go": "heard"}],
     },
 }
-"""Tiger: opens the other door after two equal readings. A pair of different ones counts for nothing, but its second does."""
+"""Tiger: opens the other door after two equal readings one after the other."""
+
+
+PAYNT = {
+    "num_nodes": 2,
+    "num_observations": 3,
+    "action_function": [[0, 1, 0], [0, 0, 2]],
+    "update_function": [[1, 0, 1], [0, 1, 0]],
+    "action_labels": ["a0()", "a2()", "a1()"],
+    "observation_labels": ["__init__", "o0", "o1"],
+}
+"""As its FSC.to_json writes it: gamma and delta over (node, observation), with labels."""
 
 
 def controller(tmp_path, record, domain):
@@ -383,17 +394,7 @@ def test_without_a_horizon_a_controller_earns_the_solution_of_its_linear_system(
 
 
 def test_a_controller_of_paynt_is_read(tmp_path):
-    """As its to_json writes it: gamma and delta over (node, observation), with labels."""
-    tiger = models.tiger()
-    record = {
-        "num_nodes": 2,
-        "num_observations": 3,
-        "action_function": [[0, 1, 0], [0, 0, 2]],
-        "update_function": [[1, 0, 1], [0, 1, 0]],
-        "action_labels": ["a0()", "a2()", "a1()"],
-        "observation_labels": ["__init__", "o0", "o1"],
-    }
-    policy = controller(tmp_path, record, tiger)
+    policy = controller(tmp_path, PAYNT, models.tiger())
     assert policy.nodes.action[:, 0].tolist() == [[0, 2, 0], [0, 0, 1]]
     assert policy.nodes.next[:, 0].tolist() == [[1, 0, 1], [0, 1, 0]]
 
@@ -407,9 +408,9 @@ def test_a_controller_of_paynt_is_read(tmp_path):
         ({"nodes": {"0": [{"do": "dance()"}]}}, "rule 1: do must be an action of tiger or stop, not 'dance"),
         ({"nodes": {"0": [{"reading": "o7", "do": "a0()"}, {"do": "a0()"}]}}, "rule 1: no reading 'o7'"),
         ({"nodes": {"0": [{"does": "a0()"}]}}, "no key 'does'"),
-        ({"action_function": [[{"0": 0.5, "1": 0.5}]], "update_function": [[0]], "num_nodes": 1, "num_observations": 1}, "random"),
+        (PAYNT | {"action_function": [[{"0": 0.5, "1": 0.5}, 0, 0]] * 2}, "its actions are random"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_controller_is_refused_in_one_sentence(tmp_path, change, why):
     with pytest.raises(PolicyError, match=re.escape(why)):
         controller(tmp_path, LISTEN | change, models.tiger())

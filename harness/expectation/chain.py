@@ -76,8 +76,8 @@ class _Chain:
         i, reading = i[keep], reading[keep]
         node = np.full(len(i), self.nodes.start)
         state = np.ravel_multi_index((node, t.start_visible[i], reading, joint[i]), self.shape)
-        known, place = np.unique(state, return_inverse=True)
-        return known, np.bincount(place, weights=chance[i] * readings[t.start_reading][i, reading])
+        known, place = np.unique(state.astype(np.int64), return_inverse=True)
+        return known, np.bincount(place, chance[i] * readings[t.start_reading][i, reading]).astype(np.float64)
 
     def step(
         self, states: NDArray[np.int64]
@@ -93,13 +93,14 @@ class _Chain:
         row = t.rows[choice["first_row"] + value]
         count = np.where(action == STOP, 0, row["last"] - row["first"])
         j, source = ranges(row["first"], count)
-        paid = np.bincount(source, weights=outcomes["probability"][j] * outcomes["reward"][j], minlength=len(states))
+        paid = np.zeros(len(states))
+        np.add.at(paid, source, outcomes["probability"][j] * outcomes["reward"][j])
         goes_on = ~outcomes["ends"][j]
         j, source = j[goes_on], source[goes_on]
         k, o = np.nonzero(t.reading_probability[outcomes["reading"][j]])
         j, source = j[k], source[k]
         after = joint[source] + (outcomes["value"][j] - value[source]) * strides[factor[source]]
         following = self.nodes.next[node, visible, reading][source]
-        target = np.ravel_multi_index((following, outcomes["visible"][j], o + 1, after), self.shape)
+        target = np.ravel_multi_index((following, outcomes["visible"][j], o + 1, after), self.shape).astype(np.int64)
         chance = outcomes["probability"][j] * t.reading_probability[outcomes["reading"][j], o]
         return paid, source, target, chance

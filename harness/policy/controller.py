@@ -7,9 +7,9 @@ As JSON a controller names its first node, and for every node its rules. Of thes
                           {"do": "check(1)"}],
                "leave": [{"do": "right()"}]}}
 
-``visible`` and ``reading`` are what must be seen now, any where left out; ``do`` is the action, ``stop`` to end; ``go`` the
-next node, the same where left out. The last rule of a node has no conditions, so that one always fits. Controllers that PAYNT
-writes are read too (:func:`read_controller`).
+``visible`` and ``reading`` are what must be seen now, any where left out; ``do`` is the action, ``stop`` to end; ``go``
+the next node, the same where left out. The last rule of a node has no conditions, so that one always fits. Controllers
+that PAYNT writes are read too (:func:`read_controller`).
 """
 
 from __future__ import annotations
@@ -170,12 +170,19 @@ def _tables(nodes: int, domain: Domain) -> tuple[NDArray[np.int32], NDArray[np.i
     return np.full(shape, STOP, dtype=np.int32), np.zeros(shape, dtype=np.int32)
 
 
+_OF_PAYNT = ("action_function", "update_function", "num_nodes", "num_observations")
+
+
 def _of_paynt(record: dict[str, Any], domain: Domain) -> Nodes:
     if (~domain.tables.terminal).sum() != 1:
         raise PolicyError(f"controllers of PAYNT are read for domains with one visible value, not for {domain.name}")
-    does, goes = record.get("action_function"), record.get("update_function")
-    count, seen = record.get("num_nodes"), record.get("num_observations")
-    if not (_is_table(does, count, seen) and _is_table(goes, count, seen)):
+    does, goes, count, seen = (record.get(name) for name in _OF_PAYNT)
+    if (
+        not isinstance(does, list)
+        or not isinstance(goes, list)
+        or not isinstance(count, int)
+        or not (_is_table(does, count, seen) and _is_table(goes, count, seen))
+    ):
         raise PolicyError("action_function and update_function must be lists of num_nodes lists of num_observations")
     labels = record.get("observation_labels") or list(domain.observations)[:seen]
     columns = [domain.observations.index(o) + 1 if o in domain.observations else 0 for o in labels]
