@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from harness.bridge import from_model
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
+    from harness.expectation.forward import exact
+    from harness.expectation.sums import Exact, Interval
     from harness.formats import from_arrays, write_model
     from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
@@ -51,7 +53,9 @@ __all__ = [
     "Driven",
     "Evaluation",
     "Evaluator",
+    "Exact",
     "HarnessError",
+    "Interval",
     "JuliaError",
     "LogitsPolicy",
     "Policy",
@@ -71,6 +75,7 @@ __all__ = [
     "draw_layout",
     "evaluate",
     "evolve",
+    "exact",
     "from_arrays",
     "from_model",
     "load",
@@ -97,7 +102,9 @@ _HOME = {
     "Driven": "play.driven",
     "Evaluation": "play.evaluation",
     "Evaluator": "ge.evaluator",
+    "Exact": "expectation.sums",
     "HarnessError": "errors",
+    "Interval": "expectation.sums",
     "JuliaError": "errors",
     "LogitsPolicy": "policy.agent",
     "Policy": "policy",
@@ -117,6 +124,7 @@ _HOME = {
     "draw_layout": "show.figures",
     "evaluate": "play.evaluation",
     "evolve": "ge.runs",
+    "exact": "expectation.forward",
     "from_arrays": "formats",
     "from_model": "bridge",
     "load": "registry",

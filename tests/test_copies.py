@@ -189,7 +189,7 @@ class TestSharedOnPurpose:
         batch = TestSizes.batch(rocksample, 3)
         policy = Late()
         policy.reset(batch)
-        taken = evaluation._checked(policy.act(batch), batch)
+        taken = evaluation.checked(policy.act(batch), batch)
         policy.actions[:] = 2**30
         assert taken.tolist() == [0, 0, 0]
 

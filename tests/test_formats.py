@@ -482,7 +482,7 @@ WRONG = {
     "a reward without a state": (HEAD + BODY + "R: go 1", r"line 10: R needs 2 of"),
     "the end of a file": (HEAD + BODY + "R: go : a : a : x", r"the file ends where a number is needed"),
     "a colon": (HEAD + BODY + "T go : a 1", r"line 10: T needs 1 of"),
-    "a row of 0.9": (HEAD + BODY + "T: go : a\n0.5 0.4 0", r"line 10: the probabilities of state at action go, state a"),
+    "a row of 0.9": (HEAD + BODY + "T: go : a\n0.5 0.4 0", r"line 10: the probabilities of state at action go"),
     "a negative one": (HEAD + BODY + "T: go : a\n1.5 -0.5 0", r"line 10: the probabilities of state.*negative"),
     "readings of nothing": (HEAD + BODY.replace("O: * uniform", ""), r"the probabilities of observation at action go"),
     "a start that is none": (HEAD + "start: d\n" + BODY, r"line 6: the start names 'd'"),

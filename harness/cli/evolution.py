@@ -9,7 +9,7 @@ from typing import Any
 
 from harness.cli.arguments import cluster_argument, domain_argument, natural, positive
 from harness.errors import HarnessError
-from harness.ge.parameters import Parameters
+from harness.ge.parameters import SAMPLED, Parameters
 
 _KINDS = {int: natural, float: float, str: str}
 
@@ -101,9 +101,12 @@ def _report_one(result: Any, folder: Path) -> None:
     best, p = result.best, result.parameters
     score = best.score
     print(best.text)
+    sampled = p.fitness == SAMPLED
     if best.fitness == best.fitness:  # else its constants were tuned after the last generation
-        print(f"fitness in the last generation   {best.fitness:9.2f}   (chosen by these {p.episodes} episodes: lucky)")
-    print(f"fitness among the finalists      {best.validation:9.2f}   ({p.validation_episodes:,} other episodes)")
+        origin = f"chosen by these {p.episodes} episodes: lucky" if sampled else p.fitness
+        print(f"fitness in the last generation   {best.fitness:9.2f}   ({origin})")
+    origin = f"{p.validation_episodes:,} other episodes" if sampled else p.fitness
+    print(f"fitness among the finalists      {best.validation:9.2f}   ({origin})")
     more = f"discounted {score.discounted_mean:.2f} ± {score.discounted_sem:.2f}, success {score.success_rate:.1%}"
     print(
         f"return on fresh episodes         {score.mean:9.2f} ± {score.sem:.2f}   ({score.episodes:,} episodes; {more})"

@@ -32,6 +32,9 @@ def register(commands: Any) -> None:
     compare.add_argument(
         "--against", metavar="SPEC", help="a policy that every other one is compared with, episode by episode"
     )
+    compare.add_argument(
+        "--exact", action="store_true", help="compute expected returns instead of sampling them, where that is possible"
+    )
     episode_arguments(compare, episodes="default: 10000, for rollout 1000")
     cluster_argument(compare)
     compare.add_argument("--format", choices=FORMATS, default="table", help="default: table")
@@ -90,6 +93,7 @@ def _compare(options: argparse.Namespace) -> None:
             seed=options.seed,
             horizon=options.horizon,
             engine=options.engine,
+            exact=options.exact,
             progress=True,
         )
     except comparison.Interrupted as stop:

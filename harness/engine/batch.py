@@ -61,13 +61,7 @@ class Batch:
 
     def joint(self, episodes: NDArray[np.intp] | slice = slice(None)) -> NDArray[np.float64]:
         """(E, H) joint belief over the hidden factors, the last factor varying fastest."""
-        marginals = self.tracked()[episodes]
-        offset = self.domain.factor_offset
-        joint = np.ones((len(marginals), 1))
-        for k in range(len(offset) - 1):
-            factor = marginals[:, None, offset[k] : offset[k + 1]]
-            joint = (joint[:, :, None] * factor).reshape(len(marginals), -1)
-        return joint
+        return joint(self.domain, self.tracked()[episodes])
 
     def legal(self) -> NDArray[np.bool_]:
         """(E, A) actions that cost no illegal-move penalty, as far as the belief can tell; all False once done."""
@@ -82,6 +76,16 @@ class Batch:
         needs several numbers a step asks for ``stream`` 0, 1, 2, …
         """
         return rng.uniforms(self.seed, rng.POLICY + stream, self.step, self.first, self.size)
+
+
+def joint(domain: Domain, marginals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(E, H) joint beliefs of marginals (E, N), the last factor varying fastest."""
+    offset = domain.factor_offset
+    product = np.ones((len(marginals), 1))
+    for k in range(len(offset) - 1):
+        factor = marginals[:, None, offset[k] : offset[k + 1]]
+        product = (product[:, :, None] * factor).reshape(len(marginals), -1)
+    return product
 
 
 def read_only(array: NDArray[_T]) -> NDArray[_T]:

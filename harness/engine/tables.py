@@ -95,11 +95,11 @@ def _reset(
         observation[e] = draw_reading(reading_cdf, start_reading[i], left)
         done[e] = terminal[visible[e]]
     if marginals.shape[1] > 0:
-        _start_beliefs(t, which, visible, observation, marginals, scratch)
+        start_beliefs(t, which, visible, observation, marginals, scratch)
 
 
 @compiled
-def _start_beliefs(
+def start_beliefs(
     t: Tables,
     which: NDArray[np.bool_],
     visible: NDArray[np.int32],

@@ -4,24 +4,50 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine import rng
 from harness.errors import quoted
+from harness.expectation.forward import exact
+from harness.expectation.programs import expected
 from harness.ge.grammar import Grammar, GrammarError
 from harness.ge.initialisation import GROW, tree
 from harness.ge.loop import Evaluated
 from harness.ge.mapping import derive
-from harness.ge.parameters import Parameters
+from harness.ge.parameters import AUTO, SAMPLED, Parameters
 from harness.model.domain import Domain
 from harness.play import population
+from harness.play.evaluation import mean_and_sem
 from harness.play.population import Episodes
+from harness.policy.program import ProgramPolicy
 from harness.program import NestingError, Program, ProgramError, Words, parse, words_of
 
 _MOST_CHECKED = 1_000_000  # characters parsed, and rules derived, to see whether a grammar speaks the language
 _MOST_AROUND = 16_000_000  # characters kept of what stands around the rules
+
+
+ROOM, ROOM_OF_AUTO = 100_000, 2_000
+"""Situations of one step that a program's exact return may take (:func:`harness.expectation.programs.expected`)."""
+
+
+class Judged(NamedTuple):
+    """What is known of the returns of P programs."""
+
+    means: NDArray[np.float64]
+    returns: Sequence[NDArray[np.float64]]
+    """Those that each mean is of; a single one where it is exact, or a bound."""
+    behaviours: int
+    """How many of them earn differently, in some episode or in expectation."""
+    cost: int
+    """Environment steps played and situations expanded."""
+
+    @property
+    def sems(self) -> list[float]:
+        """Standard errors of the means."""
+        return [mean_and_sem(row)[1] if len(row) > 1 else 0.0 for row in self.returns]
 
 
 class ProgramFitness:
@@ -38,11 +64,10 @@ class ProgramFitness:
         p = self.parameters
         compiled = [self._compiled(text) for text in phenotypes]
         programs = [program for program in compiled if program is not None]
-        played = self.play(programs, generation * p.episodes, p.episodes)
+        judged = self.judge(programs, generation * p.episodes, p.episodes)
         scores = np.full(len(compiled), -np.inf)
-        scores[[program is not None for program in compiled]] = self.penalized(programs, played.returns)
-        behaviours = len({row.tobytes() for row in played.returns})  # np.unique turns Ctrl-C into a TypeError
-        return Evaluated(scores, behaviours, int(played.steps.sum()))
+        scores[[program is not None for program in compiled]] = self.penalized(programs, judged.means)
+        return Evaluated(scores, judged.behaviours, judged.cost)
 
     def _compiled(self, text: str) -> Program | None:
         try:
@@ -54,6 +79,29 @@ class ProgramFitness:
         """The program of a phenotype."""
         return parse(text, self.words, loop=self.parameters.loop, source="phenotype")
 
+    def judge(self, programs: Sequence[Program], first: int, count: int) -> Judged:
+        """The programs' returns as the run's ``fitness`` has them: exact, or on episodes of the search."""
+        if self.parameters.fitness == SAMPLED:
+            return _of_played(self.play(programs, first, count))
+        return self._exactly(programs, first, count)
+
+    def _exactly(self, programs: Sequence[Program], first: int, count: int) -> Judged:
+        """Exact returns; with too many situations, what episodes say (``auto``), or the least that is sure."""
+        auto, horizon = self.parameters.fitness == AUTO, self.parameters.horizon
+        found = expected(self.domain, programs, horizon, ROOM_OF_AUTO if auto else ROOM, self.workers)
+        means, cost = found.returns, int(found.situations.sum())
+        returns = [means[i : i + 1] for i in range(len(means))]
+        wide = np.flatnonzero(np.isnan(means)).tolist()
+        if auto and len(wide):
+            played = _of_played(self.play([programs[i] for i in wide], first, count))
+            means[wide], cost = played.means, cost + played.cost
+            for i, row in zip(wide, played.returns, strict=True):
+                returns[i] = row
+        for i in wide if not auto else ():
+            bounded = exact(self.domain, ProgramPolicy(programs[i]), horizon=horizon)
+            means[i], cost = bounded.mean.low, cost + bounded.situations
+        return Judged(means, returns, len(set(means.tolist())), cost)
+
     def play(self, programs: Sequence[Program], first: int, count: int) -> population.Played:
         """The programs in the episodes of the search from number ``first`` on."""
         p = self.parameters
@@ -63,11 +111,17 @@ class ProgramFitness:
         """The programs in any episodes, under the shaping of the search."""
         return population.play(self.domain, programs, episodes, self.engine, self.workers)
 
-    def penalized(self, programs: Sequence[Program], returns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean return − penalty·max(0, length − free length) of each program; ``returns``: (programs, episodes)."""
+    def penalized(self, programs: Sequence[Program], means: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean return − penalty·max(0, length − free length) of each program."""
         p = self.parameters
         excess = np.array([max(0, program.length - p.free_length) for program in programs])
-        return returns.mean(axis=1) - p.penalty * excess if len(excess) else np.zeros(0)
+        return means - p.penalty * excess if len(excess) else np.zeros(0)
+
+
+def _of_played(played: population.Played) -> Judged:
+    returns = played.returns
+    behaviours = len({row.tobytes() for row in returns})  # np.unique turns Ctrl-C into a TypeError
+    return Judged(returns.mean(axis=1), list(returns), behaviours, int(played.steps.sum()))
 
 
 def check_language(grammar: Grammar, words: Words) -> None:

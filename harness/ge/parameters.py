@@ -12,6 +12,7 @@ INITIALISATIONS = ("ramped", "pi-grow", "uniform")
 CROSSOVERS = ("one-point", "fixed-one-point", "subtree")
 MUTATIONS = ("per-codon", "per-genome", "subtree", "structural")
 REPLACEMENTS = ("generational", "steady-state")
+SAMPLED, EXACT, AUTO = FITNESSES = ("sampled", "exact", "auto")
 LAMARCKIAN, BALDWINIAN = INHERITANCES = ("lamarckian", "baldwinian")
 
 _MOST = 1_000_000  # of every number that names no other limit
@@ -35,6 +36,9 @@ class Parameters:
     generations: int = _parameter(500, "generations after the first population", least=0)
     episodes: int = _parameter(100, "episodes whose mean is the fitness, new ones in every generation", least=1)
     horizon: int = _parameter(50, "steps an episode lasts", least=1)
+    fitness: str = _parameter(
+        SAMPLED, "return that selects: mean of the episodes, expected, or expected where that is quick", FITNESSES
+    )
     seed: int = _parameter(0, "of everything random in the run", least=0, most=2**31 - 1)
     shaping: str = _parameter("none", "reward shaping during the search: none, or of BorderCross paper, potential")
     loop: bool = _parameter(False, "programs start again at the top until the episode ends")

@@ -164,7 +164,7 @@ COLUMNS = {
     "median": "their median fitness",
     "invalid": "share of individuals whose derivation did not end",
     "unique": "share of different phenotypes",
-    "behaviours": "number of programs whose returns differ in some episode",
+    "behaviours": "number of programs whose returns differ, in some episode or in expectation",
     "test": "mean true return of the best on fresh episodes, the same in every generation",
     "test_sem": "its standard error",
     "best_length": "statements of the best",
@@ -172,7 +172,7 @@ COLUMNS = {
     "codons": "mean length of the genotypes",
     "used": "mean number of codons read",
     "depth": "mean depth of the derivation trees",
-    "steps": "environment steps of the fitness evaluations and of tuning constants",
+    "steps": "environment steps (exact: situations) of the fitness evaluations and of tuning constants",
     "seconds": "time the generation took, the only column that differs between equal runs",
 }
 """Columns of a history."""

@@ -245,13 +245,13 @@ def _finish(
         raise HarnessError("no individual of the last generation is valid; allow wraps, or more codons")
     texts = list(dict.fromkeys([*list(by_text)[: p.finalists], *rivals]))
     programs = [fitness.compile(text) for text in texts]
-    returns = fitness.play(programs, (p.generations + 1) * p.episodes, p.validation_episodes).returns
-    validation = fitness.penalized(programs, returns)
+    judged = fitness.judge(programs, (p.generations + 1) * p.episodes, p.validation_episodes)
+    validation = fitness.penalized(programs, judged.means)
     finalists = pd.DataFrame(
         {
             "fitness": [by_text.get(text, np.nan) for text in texts],
             "validation": validation,
-            "validation_sem": [mean_and_sem(row)[1] for row in returns],
+            "validation_sem": judged.sems,
             "length": [program.length for program in programs],
             "program": texts,
         }

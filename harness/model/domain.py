@@ -160,6 +160,11 @@ class Domain:
         return np.concatenate([[0], np.cumsum(self.factor_sizes)]).astype(np.int64)
 
     @cached_property
+    def factor_of(self) -> NDArray[np.int64]:
+        """(N,) factor that each of the concatenated marginals belongs to."""
+        return np.repeat(np.arange(len(self.factors), dtype=np.int64), self.factor_sizes)
+
+    @cached_property
     def feature_columns(self) -> NDArray[np.int64]:
         """(F,) columns of the marginals that the features stand for."""
         return np.array([self.factor_offset[k] + x for _, k, x in self.features], dtype=np.int64)

@@ -180,7 +180,11 @@ def _view(stepper: Engine, seed: int, first: int) -> Batch:
 
 
 def checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
-    """The policy's actions as the engine takes them."""
+    """The policy's actions as the engine takes them.
+
+    Raises:
+        PolicyError: they are no actions.
+    """
     try:
         array = np.array(actions)  # a copy: who holds the policy's own may change it after it has been checked
     except ValueError:  # lists of different lengths

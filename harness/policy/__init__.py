@@ -12,6 +12,7 @@ from harness.model.domain import Domain
 from harness.policy import own, solved
 from harness.policy.alpha import AlphaVectorPolicy
 from harness.policy.base import Policy
+from harness.policy.fsc import FileController, read_controller
 from harness.policy.graph import PolicyGraph
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
 from harness.policy.julia import SUFFIX, JuliaPolicy
@@ -105,6 +106,12 @@ def _program(domain: Domain, text: str) -> Policy:
     return ProgramPolicy(parse(source, words_of(domain), source=text))
 
 
+def _controller(domain: Domain, text: str) -> Policy:
+    if not text:
+        raise PolicyError("fsc needs a file: fsc:FILE.json, a finite-state controller")
+    return FileController(domain, read_controller(Path(text), domain))
+
+
 def _solved(word: str) -> Callable[[Domain, str], Policy]:
     def build(domain: Domain, text: str) -> Policy:
         path = registry.policy_path(domain.name, word)
@@ -184,6 +191,7 @@ _KINDS = (
     ),
     _Kind("alpha", "alpha vectors of a file written by harness solve --solver", _from_file, needs_file=True),
     _Kind("graph", "a policy graph of a file written by harness solve", _graph, needs_file=True),
+    _Kind("fsc", "a finite-state controller of a JSON file, or PAYNT's", _controller, needs_file=True),
     _Kind("program", "a script in the program language", _program, needs_file=True),
 )
 

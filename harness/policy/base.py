@@ -29,6 +29,10 @@ class Policy(Protocol):
     A policy that never looks at the belief may set a class attribute ``uses_belief = False``; the engine then
     leaves the belief out, which is faster. One that takes long over a decision may set ``batch_size`` (episodes a
     batch) and ``max_episodes`` (what a comparison gives it unless told otherwise).
+
+    A policy without random choices may say in ``memory`` by which attributes it remembers: arrays with one row an
+    episode, made in :meth:`reset`, that :meth:`act` changes or replaces; ``()`` for none. What it earns can then be
+    computed instead of sampled (:func:`harness.exact`).
     """
 
     def reset(self, batch: Batch) -> None:
@@ -44,6 +48,8 @@ class Policy(Protocol):
 
 class Stateless:
     """A policy that remembers nothing between steps."""
+
+    memory: tuple[str, ...] = ()
 
     def reset(self, batch: Batch) -> None:
         """Nothing to forget."""

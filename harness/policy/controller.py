@@ -19,6 +19,7 @@ class Controller:
     """
 
     uses_belief = False
+    memory = ("_at",)
 
     def __init__(self, actions: ArrayLike, successors: ArrayLike, *, name: str = "controller") -> None:
         """A controller of N nodes.

@@ -35,6 +35,7 @@ class PolicyGraph:
     """
 
     uses_belief = False
+    memory = ("_at",)
 
     def __init__(self, domain: Domain, solution: Solution) -> None:
         """``solution``: as stored by ``harness solve``."""

@@ -76,6 +76,7 @@ class AccuracyPolicy:
     """
 
     uses_belief = False
+    memory = ("_rocks", "_checked")
 
     def __init__(self, domain: Domain, threshold: float = ACCURACY_DEFAULT) -> None:
         """``threshold``: λ in [0.5, 1]."""
@@ -109,6 +110,8 @@ class BeliefPolicy:
     Of the rocks not sampled whose belief is not below 1 − γ, the nearest (Manhattan distance, ties by number) is
     walked to and sampled when its belief exceeds γ, else checked. Without such rocks the robot moves right.
     """
+
+    memory = ("_sampled",)
 
     def __init__(self, domain: Domain, threshold: float = BELIEF_DEFAULT) -> None:
         """``threshold``: γ in [0.5, 1]."""

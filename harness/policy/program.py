@@ -43,6 +43,7 @@ class ProgramPolicy:
 
     name = "program"
     """What tables call it; a table of several programs gives each object a name of its own."""
+    memory = ("_place", "_registers", "_last")
 
     def __init__(self, program: Program) -> None:
         """``program``: compiled for the domain that it will run on."""
@@ -78,6 +79,13 @@ class ProgramPolicy:
             last,
         )
         return last
+
+    def outlook(self, batch: Batch) -> NDArray[np.bool_]:
+        """(E, K) of which factors the program may yet look at the belief; forgets readings that it will not ask for."""
+        live = self.program.live[self.at]
+        n = self._registers.shape[1]
+        self._registers[~live[:, :n]] = -1
+        return live[:, n:]
 
     @property
     def at(self) -> NDArray[np.int64]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from harness import cards
 from harness.model.tables import Records
+from harness.program.liveness import live
 from harness.program.printer import lines
 from harness.program.words import ACT, AGAIN, BELIEF, ELSE, IF, WHILE, Words
 
@@ -51,6 +52,13 @@ class Program:
         long = jump[heads] != 1
         single[long] &= (jump[heads][long] == 2) & np.isin(op[heads[long] + 2], (ELSE, AGAIN))
         return int((op == ACT).sum() + len(heads) - single.sum())
+
+    @cached_property
+    def live(self) -> NDArray[np.bool_]:
+        """(n + 1, registers + factors) at each place, which readings and beliefs may be asked for from there on."""
+        domain = self.words.domain
+        sizes = len(self.words.checks), len(domain.factors)
+        return live(self.code, self.loop, self.words.register, sizes[0], domain.factor_of, sizes[1])
 
     @property
     def uses_belief(self) -> bool:

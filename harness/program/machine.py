@@ -34,7 +34,7 @@ def next_action(
     pc: int,
     loop: bool,
     marginals: NDArray[np.float64],
-    registers: NDArray[np.int32],
+    registers: NDArray[np.int32] | NDArray[np.int64],
     e: int,
     observation: int,
     numbers: NDArray[np.float64],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeGuard
 
@@ -11,14 +12,16 @@ from harness import engine as engines
 from harness import host, registry
 from harness import policy as specs
 from harness.errors import HarnessError, PolicyError
+from harness.expectation.acting import NotExact
+from harness.expectation.forward import exact as expected_return
 from harness.model.domain import Domain
-from harness.play.evaluation import EPISODES, HORIZON, KEPT, Evaluation, check_played, evaluate
+from harness.play.evaluation import EPISODES, HORIZON, KEPT, Z95, Evaluation, Score, check_played, evaluate
 from harness.policy import Policy
 from harness.policy.base import whole
 from harness.progress import Bar, Progress
 from harness.score import bounds, published
 from harness.score.paired import Paired, holm, paired
-from harness.score.table import COLUMNS, DETAILS, DIFFERENCES, Table
+from harness.score.table import COLUMNS, DETAILS, DIFFERENCES, EXACT, EXACTNESS, HOW, INTERVAL, SAMPLED, Table
 from harness.solver.solution import Bounds
 
 
@@ -32,6 +35,7 @@ def compare(
     horizon: int = HORIZON,
     engine: str = "auto",
     workers: int | None = None,
+    exact: bool = False,
     progress: Progress = False,
 ) -> pd.DataFrame:
     """Score policies side by side, on a domain or on several.
@@ -47,18 +51,22 @@ def compare(
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.
         workers: threads of the tables engine.
+        exact: compute expected returns instead of sampling them, of all policies that allow it (:func:`harness.exact`).
         progress: True for a bar on a terminal for each policy that takes longer than two seconds, or a function that is
             called with the number of episodes finished since its last call.
 
     Returns:
         One row a policy and domain, columns :data:`~harness.score.table.COLUMNS`; with ``against`` also
-        :data:`~harness.score.table.DIFFERENCES`, and with a Julia file :data:`~harness.score.table.DETAILS`.
+        :data:`~harness.score.table.DIFFERENCES`, with ``exact`` :data:`~harness.score.table.EXACTNESS`, and with a
+        Julia file :data:`~harness.score.table.DETAILS`.
 
     Raises:
         HarnessError: something in the arguments is wrong; nothing is run before all of them have been checked.
         Interrupted: Ctrl-C was pressed; its ``table`` holds the rows finished by then.
     """
-    settings = _Settings(episodes, seed, horizon, workers, progress)
+    if exact and against is not None:
+        raise HarnessError("exact rows have no episodes to compare one by one: leave out exact, or against")
+    settings = _Settings(episodes, seed, horizon, workers, exact, progress)
     entries = [entry for each in _domains(domain) for entry in _entries(each, policies, against, engine)]
     _check(entries, settings, keep=against is not None)
     rows: list[_Row] = []
@@ -67,8 +75,8 @@ def compare(
             row = _row(entry, settings, keep=against is not None)
             rows.append(row)
     except KeyboardInterrupt:
-        raise Interrupted(_table(rows, entries)) from None
-    return _table(rows, entries)
+        raise Interrupted(_table(rows, entries, exact)) from None
+    return _table(rows, entries, exact)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -85,6 +93,7 @@ class _Settings(NamedTuple):
     seed: int
     horizon: int
     workers: int | None
+    exact: bool
     progress: Progress
 
 
@@ -176,8 +185,39 @@ def _row(entry: _Entry, settings: _Settings, *, keep: bool) -> _Row:
     """A row played; ``keep`` the single episodes."""
     if entry.policy is None:
         return _Row(entry, _bound_cells(entry, settings.horizon), None)
+    if settings.exact and (cells := _exact_cells(entry, entry.policy, settings)):
+        return _Row(entry, cells, None)
     result = _played(entry, entry.policy, settings)
     return _Row(entry, _cells(entry, result), result if keep else None)
+
+
+def _exact_cells(entry: _Entry, policy: Policy, settings: _Settings) -> dict[str, Any] | None:
+    """A row computed; None where it can only be sampled."""
+    try:
+        found = expected_return(entry.domain, policy, horizon=settings.horizon, progress=settings.progress is True)
+    except NotExact:
+        return None
+    low, high = (bounds.share(end, entry.optimum) for end in found.discounted)
+    error = 0.0 if found.is_exact else math.nan
+    return {
+        **_origin(entry),
+        "kind": "policy",
+        "horizon": settings.horizon,
+        HOW: EXACT if found.is_exact else INTERVAL,
+        "mean": found.mean.middle,
+        "sem": error,
+        "ci_low": found.mean.low,
+        "ci_high": found.mean.high,
+        "discounted_mean": found.discounted.middle,
+        "discounted_sem": error,
+        "discounted_low": found.discounted.low,
+        "discounted_high": found.discounted.high,
+        "steps_mean": found.steps.middle,
+        "success_rate": found.success.middle,
+        **low,
+        **({"share_high": high["share_high"]} if high else {}),
+        "reference": _reference(entry.domain.name, entry.name),
+    }
 
 
 def _played(entry: _Entry, policy: Policy, settings: _Settings) -> Evaluation:
@@ -217,6 +257,7 @@ def _cells(entry: _Entry, result: Evaluation) -> dict[str, Any]:
         "seed": result.seed,
         "horizon": result.horizon,
         **result.score._asdict(),
+        **_sampled(result.score),
         **bounds.share(result.score.discounted_mean, entry.optimum),
         **_details(entry.policy),
         "reference": _reference(entry.domain.name, entry.name),
@@ -227,6 +268,13 @@ def _details(policy: Policy | None) -> dict[str, str]:
     """What a policy says of its origin, where its name does not say it all."""
     details = getattr(policy, "details", None)
     return {DETAILS: details} if isinstance(details, str) else {}
+
+
+def _sampled(score: Score) -> dict[str, Any]:
+    """The cells of :data:`EXACTNESS`, which only a comparison with exact rows shows."""
+    half = Z95 * score.discounted_sem
+    low, high = score.discounted_mean - half, score.discounted_mean + half
+    return {HOW: SAMPLED, "discounted_low": low, "discounted_high": high}
 
 
 def _bound_cells(entry: _Entry, horizon: int) -> dict[str, Any]:
@@ -249,12 +297,13 @@ def _reference(domain: str, policy: str) -> dict[str, Any] | None:
     return {"discounted_mean": entry.value, "error": entry.error, "source": entry.source}
 
 
-def _table(rows: list[_Row], entries: list[_Entry]) -> Table:
+def _table(rows: list[_Row], entries: list[_Entry], exact: bool) -> Table:
     """The rows finished, of all that were to be."""
     cells = [row.cells | more for row, more in zip(rows, _differences(rows, entries), strict=True)]
     compared = any(entry.reference for entry in entries)
     told = any(DETAILS in each for each in cells)
-    return Table(cells, columns=[*COLUMNS, *(DIFFERENCES if compared else ()), *([DETAILS] if told else ())])
+    more = [*(DIFFERENCES if compared else ()), *(EXACTNESS if exact else ()), *([DETAILS] if told else ())]
+    return Table(cells, columns=[*COLUMNS, *more])
 
 
 def _differences(rows: list[_Row], entries: list[_Entry]) -> list[dict[str, Any]]:

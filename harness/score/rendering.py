@@ -15,7 +15,7 @@ from tabulate import tabulate
 from harness.errors import HarnessError, nearest, quoted
 from harness.score import published
 from harness.score.aggregation import aggregate
-from harness.score.table import DETAILS, DIFFERENCES, by_domain, check_columns
+from harness.score.table import DETAILS, DIFFERENCES, EXACT, HOW, INTERVAL, by_domain, check_columns
 
 FORMATS = ("table", "markdown", "latex", "csv", "json")
 
@@ -24,6 +24,8 @@ _SMALL = 0.001  # p-values below are shown as such
 _CLOCK = "A policy that is given a time (time=…ms) depends on the machine: its row does not come out again."
 _DIFFERENCES = """less: mean difference over the episodes that both have met ± standard error; better: probability of
 earning more in an episode (ties count half); p: two-sided paired t-test, adjusted by Holm for all of the table."""
+_EXACTNESS = """exact: expected returns, computed and not sampled (harness.exact); interval: what they are proven to
+lie between, where not all situations could be expanded."""
 _OVERALL = """Over all domains, each scaled so that random-legal is 0 and the upper bound 1; in brackets 95 % intervals
 (bootstrap of the episodes, stratified by domain):"""
 
@@ -122,15 +124,39 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
             "published": table["reference"].map(_brief),
             "steps": table["steps_mean"].map(lambda x: _number(x, ".1f")),
             "success": table["success_rate"].map(lambda x: _number(x, ".1%")),
-            "episodes": table["episodes"].map(lambda x: _number(x, ",.0f")),
+            "episodes": _episodes(table),
         }
     )
 
 
+def _episodes(table: pd.DataFrame) -> pd.Series:
+    """How many, or how else the returns are known."""
+    shown = table["episodes"].map(lambda x: _number(x, ",.0f"))
+    return shown.where(_known(table) == "", _known(table))
+
+
+def _known(table: pd.DataFrame) -> pd.Series:
+    """``exact``, ``interval``, or empty for what is sampled and for bounds."""
+    if HOW not in table:
+        return pd.Series("", index=table.index)
+    return table[HOW].where(table[HOW].isin((EXACT, INTERVAL)), "")
+
+
 def _means(table: pd.DataFrame, prefix: str) -> list[str]:
-    """Means with their errors; bounds are rounded up, so that they stay bounds."""
-    cells = zip(table["kind"], table[f"{prefix}mean"], table[f"{prefix}sem"], strict=True)
-    return [_plus_minus(mean if kind == "policy" else rounded_up(mean), sem) for kind, mean, sem in cells]
+    """Means with their errors; bounds are rounded up, so that they stay bounds, and intervals outward."""
+    means = table[f"{prefix}mean"].where(table["kind"] == "policy", table[f"{prefix}mean"].map(rounded_up))
+    sampled = [_plus_minus(*pair) for pair in zip(means, table[f"{prefix}sem"], strict=True)]
+    if HOW not in table:
+        return sampled
+    ends = zip(table[f"{prefix or 'ci_'}low"], table[f"{prefix or 'ci_'}high"], strict=True)
+    cells = zip(_known(table), sampled, means, ends, strict=True)
+    return [_cell(known, text, mean, *pair) for known, text, mean, pair in cells]
+
+
+def _cell(known: str, sampled: str, mean: float, low: float, high: float) -> str:
+    if known == EXACT:
+        return f"{mean:.4f}"
+    return f"{_rounded(low, 2, math.floor):.2f} to {_rounded(high, 2, math.ceil):.2f}" if known else sampled
 
 
 def rounded_up(value: float | None, digits: int = 2) -> float | None:
@@ -192,6 +218,7 @@ def heading(table: pd.DataFrame) -> str:
     """What all rows have in common: domain, horizon, engine, seed."""
     first = table.iloc[0]
     run = table[table["kind"] == "policy"]
+    run = run[run["engine"].notna()]
     engine = f", engine {run['engine'].iloc[0]}, seed {run['seed'].iloc[0]:.0f}" if len(run) else ""
     return f"{first['domain']} (version {first['domain_version']}), horizon {first['horizon']}{engine}"
 
@@ -205,6 +232,8 @@ def footnote(table: pd.DataFrame) -> str:
     if table["reference"].map(_brief).any():
         lines[0] += " published: discounted (Silver and Veness 2010)."
     lines += _about_optimum(table)
+    if (_known(table) != "").any():
+        lines.append(_EXACTNESS)
     if len(differences(table)):
         lines.append(_DIFFERENCES)
     if table["policy"].astype(str).str.contains("[:,]time=[0-9]+ms").any():

@@ -57,6 +57,15 @@ DETAILS = "details"
 """Further column where a policy says more of itself than its name (a Julia file): packages, versions, settings."""
 
 
+HOW = "how"
+SAMPLED, EXACT, INTERVAL = "sampled", "exact", "interval"
+EXACTNESS = (HOW, "discounted_low", "discounted_high")
+"""Further columns of a comparison with ``exact=True``: how a row's returns are known, and what the discounted mean
+lies between (the undiscounted one: ``ci_low`` and ``ci_high``). That is a 95 % interval of what is ``sampled``, one and
+the same number where it is ``exact``, and proven bounds of an ``interval``, whose mean is their middle and whose errors
+are empty. Rows that are not sampled have no engine, seed and episodes."""
+
+
 class Table(pd.DataFrame):
     """What :func:`harness.compare` returns: a DataFrame that a notebook shows as the command does.
 

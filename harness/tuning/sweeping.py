@@ -118,12 +118,11 @@ def sweep(
     )
     played = Episodes(domain, subject, seed, horizon, "return", engine, workers, range=0)
     away = executor.current() if engine == "tables" else None
-    scores = executor.ordered(
-        away, _timed if planner else _untimed, thetas[known:], played, episodes, name=lambda theta: brief(subject.text(theta))
-    )
+    at = _untimed if planner is None else _timed
+    scores = executor.ordered(away, at, thetas[known:], played, episodes, name=lambda theta: brief(subject.text(theta)))
     with Bar(progress, len(values), desc=f"sweep of {subject.names[k]}", unit="point") as bar:
         bar.update(known)
-        for theta, x, (score, *more) in zip(thetas[known:], values[known:], scores, strict=True):
+        for theta, x, (score, more) in zip(thetas[known:], values[known:], scores, strict=True):
             kept.add(subject.text(theta), x, score, *more)
             bar.update()
     return kept.table()
@@ -160,17 +159,17 @@ def _with(theta: Vector, k: int, x: float) -> Vector:
     return changed
 
 
-def _untimed(played: Episodes, episodes: int, theta: Vector) -> tuple[Score]:
-    """The score at a point."""
-    return (played.play(theta, episodes, played.seed).score,)
+def _untimed(played: Episodes, episodes: int, theta: Vector) -> tuple[Score, list[float]]:
+    """The score at a point, and no further cells."""
+    return played.play(theta, episodes, played.seed).score, []
 
 
-def _timed(played: Episodes, episodes: int, theta: Vector) -> tuple[Score, float]:
+def _timed(played: Episodes, episodes: int, theta: Vector) -> tuple[Score, list[float]]:
     """The same of a planner, and the milliseconds that an action took."""
-    played.play(played.subject.lower, 1, played.seed)  # what is compiled at its first use is none of the first row's time
+    played.play(played.subject.lower, 1, played.seed)  # what compiles at its first use is none of the first row's time
     begun = time.process_time()
     result = played.play(theta, episodes, played.seed)
-    return result.score, budgets.milliseconds(time.process_time() - begun, result)
+    return result.score, [budgets.milliseconds(time.process_time() - begun, result)]
 
 
 def _values(

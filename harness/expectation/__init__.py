@@ -1,0 +1,1 @@
+"""What a policy earns in expectation, with no sampling error: situations expanded forward, equal ones merged."""

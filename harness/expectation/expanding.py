@@ -1,0 +1,115 @@
+"""One step of a layer of situations: every visible value and reading that can come next, with the belief after it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.expectation.situations import SEEN
+from harness.model.tables import STOP, Records, Tables, compiled, inlined, update_belief
+
+
+def ways(t: Tables) -> NDArray[np.int64]:
+    """(V·A,) of every visible value and action, how many situations a step makes of one at most."""
+    sizes = np.append(np.diff(t.factor_offset), 1)  # the last one: no factor
+    rows_of = np.where(t.choices["first_row"] < 0, 0, sizes[t.choices["factor"]])
+    row, choice = ranges(t.choices["first_row"], rows_of)
+    j, of_row = ranges(t.rows["first"][row], (t.rows["last"] - t.rows["first"])[row])
+    choice = choice[of_row]
+    apart = t.choices["factor"][choice] < 0  # without a factor each outcome is by itself
+    which = np.where(apart, j, t.outcomes["visible"][j])
+    can = (t.reading_probability > 0)[t.outcomes["reading"][j]] & ~t.outcomes["ends"][j, None]
+    outcome, reading = np.nonzero(can)
+    different = np.unique(np.stack([choice[outcome], which[outcome], reading]), axis=1)
+    return np.bincount(different[0], minlength=len(t.choices))
+
+
+def ranges(first: NDArray[Any], count: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """``first … first + count − 1`` of every pair, one range after the other, and which pair each number is of."""
+    pair = np.repeat(np.arange(len(first)), count)
+    begins = np.cumsum(count) - count
+    return first[pair] + np.arange(len(pair)) - begins[pair], pair
+
+
+@compiled
+def expand(
+    t: Tables,
+    key: NDArray[np.int64],
+    mass: NDArray[np.float64],
+    actions: NDArray[np.int32],
+    children: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    parents: NDArray[np.int64],
+    rewards: NDArray[np.float64],
+    ended: NDArray[np.float64],
+) -> int:
+    """Write the situations after the step to ``children``, ``weights`` and the rows they come from to ``parents``.
+
+    There must be room for one more than :func:`ways` counts. Those that end, or stop, are left out. Returned is how
+    many there are. ``rewards`` and ``ended`` (S,) take what the step of each is paid, and the probability that it ends
+    the episode, both times the situation's own probability.
+    """
+    choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions
+    probability, factor_offset = t.reading_probability, t.factor_offset
+    words = key.shape[1] - factor_offset[-1]
+    marginals, after = key.view(np.float64), children.view(np.float64)
+    posterior = np.zeros(max(1, factor_offset[-1]))
+    count = 0
+    for e in range(len(key)):
+        rewards[e] = ended[e] = 0.0
+        if actions[e] == STOP:
+            continue
+        va = key[e, words - 1] // SEEN * n_actions + actions[e]
+        k, first_row = choices[va].factor, choices[va].first_row
+        first = words + factor_offset[k] if k >= 0 else 0
+        n = factor_offset[k + 1] - factor_offset[k] if k >= 0 else 1
+        for x in range(n):
+            b = marginals[e, first + x] if k >= 0 else 1.0
+            if b == 0.0:
+                continue
+            for j in range(rows[first_row + x].first, rows[first_row + x].last):
+                vp, share = outcomes[j].visible, mass[e] * b * outcomes[j].probability
+                rewards[e] += share * outcomes[j].reward
+                if outcomes[j].ends:
+                    ended[e] += share
+                elif k < 0 or not _met(rows, outcomes, marginals, e, first, first_row, x, j):
+                    for o in range(probability.shape[1]):
+                        for c in range(key.shape[1]):
+                            children[count, c] = key[e, c]
+                        children[count, words - 1] = vp * SEEN + o + 1
+                        weight = share * probability[outcomes[j].reading, o]
+                        if k >= 0:
+                            update_belief(
+                                choices, rows, outcomes, probability, va, vp, o, after, count, first, n, posterior
+                            )
+                            weight = 0.0
+                            for y in range(n):
+                                weight += posterior[y]
+                            weight *= mass[e]
+                        if weight > 0.0:
+                            weights[count], parents[count] = weight, e
+                            count += 1
+    return count
+
+
+@inlined
+def _met(
+    rows: Records,
+    outcomes: Records,
+    marginals: NDArray[np.float64],
+    e: int,
+    first: int,
+    first_row: int,
+    x: int,
+    j: int,
+) -> bool:
+    """Whether an outcome before the j-th, of a possible value up to x, shows the same visible value."""
+    met = False
+    for y in range(x + 1):
+        if marginals[e, first + y] > 0.0:
+            for i in range(rows[first_row + y].first, min(j, rows[first_row + y].last)):
+                if outcomes[i].visible == outcomes[j].visible:
+                    met = True
+    return met
