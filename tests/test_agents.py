@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,19 @@ def test_an_agent_with_a_memory_is_a_policy(rocksample, kind):
     assert (found.returns == harness.evaluate(rocksample, Told(w, kind), **SMALL).returns).all()
     harness.check_policy(policy, rocksample, episodes=60)
     assert harness.compare(rocksample, [policy, "exit"], **SMALL)["policy"].tolist() == ["mine", "exit"]
+
+
+class Alone(Remembering):
+    """One that writes to itself while it predicts, as Stable-Baselines3's do."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        self.seen = observation
+        time.sleep(0.001)
+        return super().predict(self.seen, state, episode_start, deterministic)
+
+
+def test_an_agent_predicts_for_one_thread_at_a_time(rocksample):
+    harness.check_policy(harness.AgentPolicy(Alone(weights(rocksample, "belief"))), rocksample, episodes=60)
 
 
 def test_an_agent_has_its_replays_and_its_path(rocksample, tmp_path):

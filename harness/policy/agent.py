@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import threading
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
@@ -14,6 +15,7 @@ from harness.errors import PolicyError
 from harness.policy.base import fitting
 from harness.policy.encoding import Encoding, check_kind, shows_belief
 
+_PREDICTING = threading.Lock()  # an agent keeps its last distribution in itself, as Stable-Baselines3's do
 _Own = TypeVar("_Own", bound="_Watching")
 
 
@@ -105,13 +107,14 @@ class AgentPolicy(_Watching):
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """The agent's actions."""
         masks = {"action_masks": self._mask(batch)} if self.legal else {}
-        actions, self._state = self.agent.predict(
-            self._seen(batch),
-            state=self._state,
-            episode_start=self._begins,
-            deterministic=self.deterministic,
-            **masks,
-        )
+        with _PREDICTING:
+            actions, self._state = self.agent.predict(
+                self._seen(batch),
+                state=self._state,
+                episode_start=self._begins,
+                deterministic=self.deterministic,
+                **masks,
+            )
         self._begins = np.zeros(batch.size, dtype=np.bool_)
         return self._took(actions)
 
