@@ -423,7 +423,8 @@ def _ways(rng, k, sizes, n_visible, read):
         visible = sorted(rng.permutation(n_visible + 1)[:2].tolist())
         pairs = [(v, int(rng.integers(n))) for v in visible]
     else:
-        pairs = [(int(rng.integers(n_visible + 1)), x) for x in sorted(rng.permutation(n)[:2].tolist())]
+        visible = int(rng.integers(n_visible + 1))
+        pairs = [(visible, x) for x in sorted(rng.permutation(n)[:2].tolist())]
     share = rng.dirichlet(np.ones(len(pairs)))
     paid = rng.normal(0, 1, len(pairs))
     return [(v, x, float(share[i]), read[v][x], float(paid[i])) for i, (v, x) in enumerate(pairs)]
@@ -482,7 +483,7 @@ WRONG = {
     "a reward without a state": (HEAD + BODY + "R: go 1", r"line 10: R needs 2 of"),
     "the end of a file": (HEAD + BODY + "R: go : a : a : x", r"the file ends where a number is needed"),
     "a colon": (HEAD + BODY + "T go : a 1", r"line 10: T needs 1 of"),
-    "a row of 0.9": (HEAD + BODY + "T: go : a\n0.5 0.4 0", r"line 10: the probabilities of state at action go"),
+    "a row of 0.9": (HEAD + BODY + "T: go : a\n0.5 0.4 0", r"line 10: the probabilities of state at action go, sta"),
     "a negative one": (HEAD + BODY + "T: go : a\n1.5 -0.5 0", r"line 10: the probabilities of state.*negative"),
     "readings of nothing": (HEAD + BODY.replace("O: * uniform", ""), r"the probabilities of observation at action go"),
     "a start that is none": (HEAD + "start: d\n" + BODY, r"line 6: the start names 'd'"),
@@ -584,9 +585,7 @@ def test_a_file_that_unpacks_to_more_than_the_limit_is_refused(tmp_path, monkeyp
 
 
 def test_uniform_over_more_states_than_the_tables_hold_is_refused(tmp_path):
-    text = (
-        "discount: 0.9\nstates: 30000\nactions: 100\nobservations: 2\nT: * uniform\nO: * uniform\nR: 0 : 0 : 0 : 0 1\n"
-    )
+    text = "discount: 0.9\nstates: 30000\nactions: 2\nobservations: 2\nT: * uniform\nO: * uniform\nR: 0 : 0 : 0 : 0 1\n"
     with pytest.raises(HarnessError, match="are too many"):
         read(tmp_path, text)
 
