@@ -42,7 +42,8 @@ PEERS = {
     "ARDESPOT": (
         "using ARDESPOT, POMDPs, POMDPTools, DiscreteValueIteration"
         + _JULIA_BOUNDS
-        + """m -> DESPOTSolver(K = 100, max_trials = 30, T_max = Inf, lambda = 0.01, bounds_warnings = false, default_action = actions(m)[2],
+        + """m -> DESPOTSolver(K = 100, max_trials = 30, T_max = Inf, lambda = 0.01, bounds_warnings = false,
+            default_action = actions(m)[2],
             bounds = IndependentBounds(DefaultPolicyLB(leave(m)), FullyObservableValueUB(solved(m)),
                 check_terminal = true, consistency_fix_thresh = 1e-3))""",
         "despot:100,trials=30,lambda=0.01",
