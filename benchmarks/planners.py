@@ -131,7 +131,7 @@ def beside_julia(episodes: int) -> None:
             theirs, their_time = played(str(path), "julia", episodes)
         mine, my_time = played(spec, "tables", episodes) if spec else ("", None)
         ratio = f"{their_time / my_time:.1f}" if my_time else ""
-        rows.append([name, theirs, f"{their_time:.1f}", spec, mine, f"{my_time:.1f}" if my_time else "", ratio])
+        rows.append([name, theirs, f"{their_time:.1f}", spec or "", mine, f"{my_time:.1f}" if my_time else "", ratio])
         print(name, *rows[-1][1:], flush=True)
     print(tabulate(rows, headers=["planner", "earns", "ms", "ours", "earns", "ms", "ratio"], disable_numparse=True))
 
