@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,7 +125,7 @@ def _put(
     for key in rule:
         if key not in (known := ("visible", "reading", "do", "go")):
             raise PolicyError(f"{where}: no key {quoted(key)}{nearest(key, known)} (known: {', '.join(known)})")
-    at = np.ix_([node], _visible(rule.get("visible", {}), where, domain), _readings(rule, where, domain))
+    at = np.ix_(np.array([node]), _visible(rule.get("visible", {}), where, domain), _readings(rule, where, domain))
     do = rule.get("do")
     if do != "stop" and do not in domain.actions:
         raise PolicyError(f"{where}: do must be an action of {domain.name} or stop, not {quoted(do)}")
@@ -147,14 +147,14 @@ def _visible(wanted: Any, where: str, domain: Domain) -> NDArray[np.intp]:
     return np.flatnonzero(fits)
 
 
-def _readings(rule: dict[str, Any], where: str, domain: Domain) -> list[int]:
+def _readings(rule: dict[str, Any], where: str, domain: Domain) -> NDArray[np.int64]:
     """The columns of a rule's reading; the first one stands for no reading yet."""
     if "reading" not in rule:
-        return list(range(domain.n_observations + 1))
+        return np.arange(domain.n_observations + 1)
     if rule["reading"] not in domain.observations:
         known = ", ".join(domain.observations)
         raise PolicyError(f"{where}: no reading {quoted(rule['reading'])} (known: {known})")
-    return [domain.observations.index(rule["reading"]) + 1]
+    return np.array([domain.observations.index(rule["reading"]) + 1])
 
 
 def _node(name: Any, numbers: dict[str, int], where: str) -> int:
@@ -176,13 +176,8 @@ _OF_PAYNT = ("action_function", "update_function", "num_nodes", "num_observation
 def _of_paynt(record: dict[str, Any], domain: Domain) -> Nodes:
     if (~domain.tables.terminal).sum() != 1:
         raise PolicyError(f"controllers of PAYNT are read for domains with one visible value, not for {domain.name}")
-    does, goes, count, seen = (record.get(name) for name in _OF_PAYNT)
-    if (
-        not isinstance(does, list)
-        or not isinstance(goes, list)
-        or not isinstance(count, int)
-        or not (_is_table(does, count, seen) and _is_table(goes, count, seen))
-    ):
+    does, goes, count, seen = cast("tuple[Any, Any, Any, Any]", tuple(record.get(name) for name in _OF_PAYNT))
+    if not _is_table(does, count, seen) or not _is_table(goes, count, seen):
         raise PolicyError("action_function and update_function must be lists of num_nodes lists of num_observations")
     labels = record.get("observation_labels") or list(domain.observations)[:seen]
     columns = [domain.observations.index(o) + 1 if o in domain.observations else 0 for o in labels]
