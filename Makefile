@@ -42,12 +42,13 @@ notebooks: $(VENV)/.installed
 	$(BIN)/jupyter lab notebooks
 
 bench: $(VENV)/.installed-dev
-	$(BIN)/pip install -q -e '.[bench]'
+	$(BIN)/pip install -q -e '.[bench,cluster]'
 	$(BIN)/python benchmarks/steps.py
 	$(BIN)/python -m benchmarks.evolution
 	$(BIN)/python -m benchmarks.solver
 	$(BIN)/python -m benchmarks.gym
 	$(BIN)/python -m benchmarks.planners
+	$(BIN)/python -m benchmarks.cluster
 
 fuzz: $(VENV)/.installed-dev # hostile inputs: files, texts, command lines
 	$(BIN)/python -m tests.fuzz --count 100000
