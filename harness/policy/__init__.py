@@ -63,8 +63,8 @@ class _Kind:
     """Whether it is written ``word:FILE``."""
     optional: bool = False
     """Whether an argument may be given although there is no default one."""
-    plans: bool = False
-    """Whether it is an online planner, for which tables have a row only where the domain is large."""
+    listed: str = "always"
+    """Whether the baseline table has a row of it: ``always``, on ``large`` domains only, or ``never``."""
 
     def suits(self, domain: Domain) -> bool:
         return self.layout in ("", domain.layout["kind"])
@@ -154,14 +154,14 @@ _KINDS = (
         "tree search by N simulations (time=100ms: as many as fit; exploration=X,rollout=legal|preferred,depth=N)",
         pomcp.make,
         str(pomcp.SIMULATIONS),
-        plans=True,
+        listed="large",
     ),
     _Kind(
         despot.WORD,
         "search of a tree over N scenarios, between bounds (trials=N, or time=100ms; lambda=X,depth=N)",
         despot.make,
         str(despot.SCENARIOS),
-        plans=True,
+        listed="never",  # the table of its upper bound takes a minute where a domain is large
     ),
     _Kind(
         "accuracy",
@@ -219,8 +219,8 @@ def specs(domain: Domain) -> dict[str, str]:
 
 def default_specs(domain: Domain) -> list[str]:
     """The policies of the domain's baseline table."""
-    large = domain.n_states > LARGE
-    return [kind.spec for kind in _usable(domain) if not kind.needs_file and (large or not kind.plans)]
+    listed = ("always", "large") if domain.n_states > LARGE else ("always",)
+    return [kind.spec for kind in _usable(domain) if not kind.needs_file and kind.listed in listed]
 
 
 def make(spec: str, domain: Domain) -> tuple[str, Policy]:

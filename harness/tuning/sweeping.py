@@ -67,7 +67,7 @@ def sweep(
         stop: last value (default: its upper bound).
         points: how many values, both ends included; by default 51, and three a decade where the steps are of ratio.
         log: steps of equal ratio.
-        episodes: at each value; by default 10,000, and 1,000 of a planner.
+        episodes: at each value; by default 10,000, and 100 of a planner.
         seed: all values meet the same initial states and the same random numbers.
         horizon: steps after which an episode is truncated.
         engine: ``tables``, ``julia`` or ``auto``.

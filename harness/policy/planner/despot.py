@@ -37,7 +37,7 @@ class DESPOTPolicy:
     action.
     """
 
-    max_episodes = 1000
+    max_episodes = 100
     """As many episodes does a comparison give it unless told otherwise."""
     batch_size = 32
     """Episodes a batch: few, so that progress shows and Ctrl-C is heard between steps."""

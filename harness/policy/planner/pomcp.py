@@ -57,7 +57,7 @@ class POMCPPolicy:
     its own and random numbers seeded by (seed, step, episode), so that neither batches nor threads change an action.
     """
 
-    max_episodes = 1000
+    max_episodes = 100
     """As many episodes does a comparison give it unless told otherwise."""
 
     def __init__(
