@@ -561,7 +561,7 @@ REPRODUCED = Sizes(
 def prepare(folder: Path) -> None:
     """Small results of all kinds, to be damaged; and everything is compiled that inputs use."""
     harness.evolve(DOMAINS[0], out=folder / "template", **{**EVOLVED, "generations": 2})
-    harness.evolve(DOMAINS[0], out=folder / "runs", runs=2, workers=1, **EVOLVED)
+    harness.evolve(DOMAINS[0], out=folder / "runs", runs=2, **EVOLVED)
     main([word.replace("DIR/sweep", str(folder / "sweep")) for word in COMMANDS[8].split()])
     main([word.replace("DIR/tuning", str(folder / "tune")) for word in COMMANDS[9].split()])
     (folder / "template.toml").write_text(SCORES)

@@ -73,7 +73,7 @@ class Above(NamedTuple):
 def whole(value: NDArray[np.float32], levels: Levels) -> Above:
     """A grid that has all cells."""
     none, rows, entries = np.zeros(0, dtype=np.int64), value[:0], int(levels.offset[-1])
-    step = np.concatenate([np.arange(n) * stride for n, stride in zip(levels.counts, levels.stride, strict=True)])
+    steps = [np.arange(n) * stride for n, stride in zip(levels.counts, levels.stride, strict=True)]
     return Above(
         value,
         rows,
@@ -86,7 +86,7 @@ def whole(value: NDArray[np.float32], levels: Levels) -> Above:
         none,
         rows,
         np.arange(entries + 1),
-        step.astype(np.int64),
+        np.concatenate([none, *steps]),
         np.ones(entries),
     )
 
