@@ -11,9 +11,11 @@ from harness.score.published import RECALLED, RETURN
 from harness.score.rendering import grid, remark, rows
 from harness.score.verdicts import NOT_REPRODUCED, REPRODUCED, SURE, TELLING, UNDECIDED
 
-LEGEND = f"""Discounted returns, mean ± standard error, unless the method's line says otherwise. {REPRODUCED}: within {SURE:g} combined
-standard errors and the rounding of what was printed. {UNDECIDED}: that too, but {SURE:g} errors are more than {TELLING:.0%} of the value,
-so that little can be told. {NOT_REPRODUCED}: by how much ours is higher (+) or lower (-). {RECALLED}: from memory, read nowhere yet."""
+LEGEND = f"""Discounted returns, mean ± standard error, unless the method's line says otherwise.
+{REPRODUCED}: within {SURE:g} combined standard errors and the rounding of what was printed.
+{UNDECIDED}: that too, but {SURE:g} errors are more than {TELLING:.0%} of the value, so that little can be told.
+{NOT_REPRODUCED}: by how much ours is higher (+) or lower (-), with the combined error.
+{RECALLED}: from memory, read nowhere yet; quoted: read where somebody else quotes it."""
 
 
 def render(table: pd.DataFrame, format: str = "table") -> str:

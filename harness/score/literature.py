@@ -45,9 +45,10 @@ def literature(domain: str | None = None) -> pd.DataFrame:
 
     Returns:
         One row a figure, columns :data:`COLUMNS`: ``value`` and ``error`` as published (``error``: standard error, NaN
-        where none was), ``gap`` ours less theirs with ``combined_error``, ``verdict`` one of
-        :data:`~harness.score.verdicts.VERDICTS`, ``seen`` how the figure was seen (``source``, ``quoted``,
-        ``recalled``), ``place`` where; ``printed`` is the value with the decimals that it has there. ``optimum_low`` and ``optimum_high`` bound the optimal discounted return.
+        where none was; ``printed``: the value with its decimals), ``gap`` ours less theirs with ``combined_error``,
+        ``verdict`` one of :data:`~harness.score.verdicts.VERDICTS`. ``place`` is where the figure was read, ``seen``
+        how: ``source``, ``quoted`` or ``recalled``. ``optimum_low`` and ``optimum_high`` bound the optimal discounted
+        return on the rules of ours.
 
     Raises:
         HarnessError: nothing published concerns that domain.
@@ -85,12 +86,12 @@ def _judged(figure: Mapping[Any, Any]) -> dict[str, Any]:
         return {**nothing, "verdict": OTHER_RULES, "why": figure["differs"]}
     if not figure["run"]:
         return {**nothing, "verdict": NOT_RUN, "why": figure["note"]}
-    ours = stored_lower(figure["domain"], figure["policy"]) if math.isnan(figure["ours"]) else figure["ours"]
+    ours = _stored_lower(figure["domain"], figure["policy"]) if math.isnan(figure["ours"]) else figure["ours"]
     verdict, gap, error = compared(figure["value"], figure["error"], ours, figure["ours_error"])
     return {"ours": ours, "gap": gap, "combined_error": error, "verdict": verdict, "why": figure["note"]}
 
 
-def stored_lower(domain: str, policy: str) -> float:
+def _stored_lower(domain: str, policy: str) -> float:
     """What a policy that ships is proven to earn at least: the lower bound that its solver ended with."""
     path = registry.policy_path(domain, policy)
     return float(solution.read(path, registry.load(domain), *solution.OWN_KINDS).record["lower"])

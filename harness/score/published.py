@@ -2,9 +2,10 @@
 
 The file is plain CSV, which pandas reads; a line is a published figure. Its columns:
 
-- ``problem``, ``rules``, ``method``, ``quantity``, ``value``, ``error`` (standard error), ``budget``: what was published.
-- ``source``: the publication; ``place``: where in it, or in what, the figure was read; ``seen``: ``source`` (read in the
-  publication itself), ``quoted`` (read where somebody quotes it) or ``recalled`` (from memory, and read nowhere).
+- ``problem``, ``rules``, ``method``, ``quantity``, ``value``, ``error`` (standard error), ``budget``: what was
+  published.
+- ``source``: the publication; ``place``: where in it, or in what, the figure was read; ``seen``: ``source`` (read in
+  the publication itself), ``quoted`` (read where somebody quotes it) or ``recalled`` (from memory, read nowhere).
 - ``differs``: why the rules are not those of a domain of ours; empty where nothing is known to differ.
 - ``domain``: ours with the same rules; ``policy``: ours by the same method; ``ours``, ``ours_error``: what it gave, and
   ``run``: the command that gives it. Where ``ours`` is empty, it is the lower bound stored with the policy.
@@ -25,7 +26,8 @@ RETURN = "discounted return"
 """The ``quantity`` that stands in tables of ours; there are others, such as thresholds."""
 RECALLED = "recalled"
 HORIZON = 50
-"""Published returns are not cut off. Nor, as far as shows, are ours from so many steps on; in fewer it is another task."""
+"""Published returns are of episodes without an end. From so many steps on ours are as good as that; in fewer the task is
+another one."""
 
 
 class Published(NamedTuple):
