@@ -138,14 +138,12 @@ def test_the_exact_figures_of_ours_are_what_is_computed(table):
     assert share == pytest.approx(100 * found.mean.middle / 50, abs=0.05)
 
 
-def test_the_figures_of_the_planners_are_those_of_their_page(table):
-    page = (ROOT / "docs" / "planners.md").read_text(encoding="utf-8")
-    planned = table[table["policy"].str.match("pomcp|despot") & table["ours"].notna()]
-    assert len(planned) == 6
-    for row in planned.itertuples():
-        episodes = re.search(r"--episodes (\d+)", row.run)[1]
-        line = f"| `{row.domain}` | `{row.policy}` | {episodes} | {row.ours:.2f} ± {row.ours_error:.2f} |"
-        assert line in page
+def test_the_command_plays_the_policy_that_the_figure_is_of(table):
+    beside = table[table["policy"].ne("") & table["ours"].notna()]
+    assert len(beside) > 10
+    for row in beside.itertuples():
+        assert f" {row.domain} " in row.run
+        assert f" {row.policy}" in row.run
 
 
 def test_one_domain_or_problem(table):

@@ -89,16 +89,9 @@ def tally(table: pd.DataFrame) -> str:
 
 def sources(table: pd.DataFrame) -> pd.DataFrame:
     """Where each figure was read, on which rules and budget, and how ours is run: for the documentation."""
-    names = {
-        "printed": "published",
-        "source": "published in",
-        "place": "read in",
-        "rules": "rules",
-        "budget": "budget",
-        "run": "ours",
-    }
-    cells = table.rename(columns=names)[["problem", "method", *names.values()]]
-    return cells.assign(ours=table["run"].map(_command))
+    names = {"printed": "published", "source": "published in", "place": "read in", "run": "how ours is run"}
+    cells = table[["problem", "method", "printed", "source", "place", "rules", "budget", "run"]]
+    return cells.assign(run=table["run"].map(_command)).rename(columns=names)
 
 
 def _command(text: str) -> str:

@@ -26,8 +26,8 @@ RETURN = "discounted return"
 """The ``quantity`` that stands in tables of ours; there are others, such as thresholds."""
 RECALLED = "recalled"
 HORIZON = 50
-"""Published returns are of episodes without an end. From so many steps on ours are as good as that; in fewer the task is
-another one."""
+"""Published returns are of episodes without an end. From so many steps on ours are as good as that; in fewer the task
+is another one."""
 
 
 class Published(NamedTuple):

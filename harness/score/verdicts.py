@@ -14,13 +14,14 @@ methods on RockSample(7, 8) lie this close together."""
 REPRODUCED, NOT_REPRODUCED, UNDECIDED = "reproduced", "not reproduced", "undecided"
 OTHER_RULES, NOT_RUN = "other rules", "not run"
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, UNDECIDED, OTHER_RULES, NOT_RUN)
+"""What can become of a published figure; the first three where ours stands beside it."""
 
 
 class Compared(NamedTuple):
     """A value of ours beside a published one."""
 
     verdict: str
-    """The first two of :data:`VERDICTS`; ``undecided`` where they agree, but within an error too wide to tell."""
+    """One of the first three of :data:`VERDICTS`; ``undecided`` where they agree, but within too wide an error to tell."""
     gap: float
     """Ours less the published value."""
     error: float
