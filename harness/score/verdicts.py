@@ -21,7 +21,7 @@ class Compared(NamedTuple):
     """A value of ours beside a published one."""
 
     verdict: str
-    """One of the first three of :data:`VERDICTS`; ``undecided`` where they agree, but within too wide an error to tell."""
+    """One of the first three of :data:`VERDICTS`; ``undecided``: they agree, but within too wide an error to tell."""
     gap: float
     """Ours less the published value."""
     error: float
