@@ -148,9 +148,14 @@ def test_the_command_plays_the_policy_that_the_figure_is_of(table):
 
 def test_one_domain_or_problem(table):
     assert set(harness.literature("rocksample-11x11")["problem"]) == {"RockSample(11, 11)"}
+    assert set(harness.literature("rocksample-15x15")["verdict"]) == {"other rules"}
     assert len(harness.literature("Tag")) == (table["problem"] == "Tag").sum() == 10
-    with pytest.raises(harness.HarnessError, match="did you mean 'Tiger'"):
-        harness.literature("Tigre")
+    for unknown, words in (
+        ("Tigre", "did you mean 'Tiger'"),
+        ("bordercross-7x8", "nothing published on 'bordercross-7x8'"),
+    ):
+        with pytest.raises(harness.HarnessError, match=words):
+            harness.literature(unknown)
 
 
 def test_the_command_prints_figures_verdicts_and_reasons(capsys):

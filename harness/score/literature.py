@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,20 +17,8 @@ from harness.solver import solution
 
 COLUMNS = (
     *("problem", "method", "quantity", "value", "error", "ours", "ours_error", "gap", "combined_error", "verdict"),
-    *(
-        "why",
-        "optimum_low",
-        "optimum_high",
-        "rules",
-        "budget",
-        "source",
-        "place",
-        "seen",
-        "domain",
-        "policy",
-        "run",
-        "printed",
-    ),
+    *("why", "optimum_low", "optimum_high", "rules", "budget", "source", "place", "seen"),
+    *("domain", "policy", "run", "printed"),
 )
 """Columns of :func:`literature`; :mod:`harness.score.published` says what those of the data file are."""
 
@@ -62,11 +51,18 @@ def literature(domain: str | None = None) -> pd.DataFrame:
 def _concerning(figures: pd.DataFrame, domain: str | None) -> pd.DataFrame:
     if domain is None:
         return figures
-    kept = figures[(figures["domain"] == domain) | (figures["problem"] == domain)]
+    names = list(dict.fromkeys([*filter(None, figures["domain"]), *figures["problem"]]))
+    kept = figures[(figures["domain"] == domain) | figures["problem"].isin([domain, _problem(domain)])]
     if kept.empty:
-        names = list(dict.fromkeys([*filter(None, figures["domain"]), *figures["problem"]]))
         raise HarnessError(f"nothing published on {quoted(domain)}{nearest(domain, names)} (known: {', '.join(names)})")
     return kept
+
+
+def _problem(domain: str) -> str | None:
+    """What the literature calls a domain of ours, whatever the rules: its title up to the comma after the sizes."""
+    if domain not in registry.names():
+        return None
+    return re.split(r",(?![^(]*\))", registry.load(domain).title)[0]
 
 
 def _optimum(domain: str) -> dict[str, float]:
