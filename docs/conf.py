@@ -62,12 +62,12 @@ def _public_name(app, env, node, contnode):
     return env.get_domain("py").resolve_xref(env, node["refdoc"], app.builder, "obj", target, node, contnode)
 
 
-def _add_commands(app, docname, source):
-    if docname == "command-line":
-        source[0] += generated.commands()
+def _add_generated(app, docname, source):
+    if docname in ("command-line", "literature"):
+        source[0] += generated.commands() if docname == "command-line" else generated.literature()
 
 
 def setup(app):
     """Called by Sphinx."""
     app.connect("missing-reference", _public_name)
-    app.connect("source-read", _add_commands)
+    app.connect("source-read", _add_generated)

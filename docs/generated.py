@@ -1,4 +1,4 @@
-"""What the pages take from elsewhere when they are built, so that it cannot differ: commands and measured figures."""
+"""What the pages take from elsewhere when they are built, so that it cannot differ: commands and figures."""
 
 from __future__ import annotations
 
@@ -42,3 +42,17 @@ def limits() -> dict[str, str]:
 def commands() -> str:
     """A section for every command, with the text that it prints itself."""
     return "".join(f"\n## `{f'harness {name}'.strip()}`\n\n```text\n{text}```\n" for name, text in help_texts().items())
+
+
+def literature() -> str:
+    """The published figures with ours beside them, and below them where each was read."""
+    from tabulate import tabulate
+
+    from harness.score import listing
+    from harness.score.literature import literature as table
+
+    found = table()
+    read = tabulate(listing.sources(found).to_dict("list"), headers="keys", tablefmt="github", disable_numparse=True)
+    whys = "\n".join(f"- {note}" for note in listing.notes(found))
+    figures = tabulate(listing.shown(found).to_dict("list"), headers="keys", tablefmt="github", disable_numparse=True)
+    return f"\n{figures}\n\n{listing.tally(found)}\n\n## Notes\n\n{whys}\n\n## Where each was read\n\n{read}\n"

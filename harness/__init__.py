@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from harness.reproduction import reproduce
     from harness.score.aggregation import aggregate
     from harness.score.comparison import compare
+    from harness.score.literature import literature
     from harness.score.rendering import render
     from harness.show.figures import compare_figure, draw_beliefs, draw_episode, draw_layout
     from harness.show.replay import replay
@@ -78,6 +79,7 @@ __all__ = [
     "exact",
     "from_arrays",
     "from_model",
+    "literature",
     "load",
     "names",
     "render",
@@ -127,6 +129,7 @@ _HOME = {
     "exact": "expectation.forward",
     "from_arrays": "formats",
     "from_model": "bridge",
+    "literature": "score.literature",
     "load": "registry",
     "names": "registry",
     "render": "score.rendering",

@@ -11,7 +11,7 @@ import pytest
 
 import harness
 from harness import registry
-from harness.score.published import PUBLISHED
+from harness.score import published
 from harness.solver import solution
 
 ROOT = Path(__file__).parent.parent
@@ -75,11 +75,11 @@ def _record(domain, policy):
 
 
 def test_the_derived_figures_follow(tables):
-    published = next(entry for entry in PUBLISHED["rocksample-7x8"] if entry.method == "sarsop")
+    sarsop = published.reference("rocksample-7x8", "sarsop")
     optimum = _record("rocksample-7x8", "solved")["lower"]
     errors = tables[None].loc[["sarsop", "belief:0.84"], "discounted_sem"]
     assert {entry["name"]: entry["figure"] for entry in MEASURED["derived"]} == {
-        "published_share": f"{published.value / optimum:.1%}"[:-1],
+        "published_share": f"{sarsop.value / optimum:.1%}"[:-1],
         "sarsop_over_belief_unpaired": f"{np.hypot(*errors):.3f}",
     }
 
@@ -100,7 +100,7 @@ def test_tuning_gives_the_figures():
 
 def test_the_readme_has_no_other_figures():
     known = {number for figure in FIGURES.values() for number in re.findall(r"\d+\.\d+", figure)}
-    known |= {f"{number:.2f}" for e in PUBLISHED["rocksample-7x8"] for number in (e.value, e.error) if number}
+    known |= {f"{number:.2f}" for e in published.on("rocksample-7x8") for number in (e.value, e.error) if number}
     assert set(re.findall(r"\d+\.\d+", prose(README))) <= known | PAPERS | OTHERS
     for figure in re.findall(r"−?[\d.]+ ± [\d.]*\d", prose(README)):
         assert figure in FIGURES.values()

@@ -35,8 +35,8 @@ class Table1Row(NamedTuple):
 
 
 def table_1() -> tuple[Table1Row, ...]:
-    """The two methods of Table 1, from ``harness.score.published.PUBLISHED``."""
-    named = {entry.method: entry.value for entry in published.PUBLISHED[ROCKSAMPLE]}
+    """The two methods of Table 1, from ``harness/data/literature.csv``."""
+    named = {entry.policy: entry.value for entry in published.on(ROCKSAMPLE)}
     return Table1Row("Rollout", named["rollout"], "rollout:100"), Table1Row("SARSOP", named["sarsop"], "sarsop")
 
 

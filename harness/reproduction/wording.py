@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from tabulate import tabulate
 
-SURE = 2.0
-"""Standard errors from which on a difference is called one."""
+from harness.score.verdicts import SURE
 
 
 def parts(*paragraphs: str) -> str:

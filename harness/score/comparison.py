@@ -216,7 +216,7 @@ def _exact_cells(entry: _Entry, policy: Policy, settings: _Settings) -> dict[str
         "success_rate": found.success.middle,
         **low,
         **({"share_high": high["share_high"]} if high else {}),
-        "reference": _reference(entry.domain.name, entry.name),
+        "reference": _reference(entry, settings.horizon),
     }
 
 
@@ -260,7 +260,7 @@ def _cells(entry: _Entry, result: Evaluation) -> dict[str, Any]:
         **_sampled(result.score),
         **bounds.share(result.score.discounted_mean, entry.optimum),
         **_details(entry.policy),
-        "reference": _reference(entry.domain.name, entry.name),
+        "reference": _reference(entry, result.horizon),
     }
 
 
@@ -290,11 +290,11 @@ def _origin(entry: _Entry) -> dict[str, Any]:
     return {"domain": entry.domain.name, "domain_version": entry.domain.version, "policy": entry.name}
 
 
-def _reference(domain: str, policy: str) -> dict[str, Any] | None:
-    entry = published.reference(domain, policy)
-    if entry is None:
+def _reference(entry: _Entry, horizon: int) -> dict[str, Any] | None:
+    found = published.reference(entry.domain.name, entry.name, horizon)
+    if found is None:
         return None
-    return {"discounted_mean": entry.value, "error": entry.error, "source": entry.source}
+    return {"discounted_mean": found.value, "error": found.error, "source": found.source}
 
 
 def _table(rows: list[_Row], entries: list[_Entry], exact: bool) -> Table:

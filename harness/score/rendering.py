@@ -63,8 +63,8 @@ def html(table: pd.DataFrame) -> str:
 
 def _blocks(part: pd.DataFrame, format: str) -> list[str]:
     """The paragraphs of one domain."""
-    grids = [_grid(cells, format) for cells in _grids(part)]
-    return [_remark(heading(part), format), *grids, _remark(footnote(part), format)]
+    cells = [grid(each, format) for each in _grids(part)]
+    return [remark(heading(part), format), *cells, remark(footnote(part), format)]
 
 
 def _grids(part: pd.DataFrame) -> list[pd.DataFrame]:
@@ -79,11 +79,11 @@ def _aggregate(table: pd.DataFrame, format: str) -> list[str]:
     try:
         cells = overall(aggregate(table))
     except HarnessError as reason:
-        return [_remark(f"No aggregate over the domains: {reason}.", format)]
-    return [_remark(_OVERALL, format), _grid(cells, format)]
+        return [remark(f"No aggregate over the domains: {reason}.", format)]
+    return [remark(_OVERALL, format), grid(cells, format)]
 
 
-def _grid(cells: pd.DataFrame, format: str) -> str:
+def grid(cells: pd.DataFrame, format: str) -> str:
     """Cells of text, the first column on the left."""
     text = tabulate(
         _prepared(cells, format).values.tolist(),
@@ -108,7 +108,7 @@ def _prepared(cells: pd.DataFrame, format: str) -> pd.DataFrame:
     return cells
 
 
-def _remark(text: str, format: str) -> str:
+def remark(text: str, format: str) -> str:
     """A heading or a footnote; in LaTeX a comment."""
     return "\n".join(f"% {line}" for line in text.splitlines()) if format == "latex" else text
 
@@ -230,7 +230,7 @@ def footnote(table: pd.DataFrame) -> str:
         "episodes that\nreached a terminal state.",
     ]
     if table["reference"].map(_brief).any():
-        lines[0] += " published: discounted (Silver and Veness 2010)."
+        lines[0] += f" published: discounted{_sources(table['reference'])}."
     lines += _about_optimum(table)
     if (_known(table) != "").any():
         lines.append(_EXACTNESS)
@@ -239,11 +239,18 @@ def footnote(table: pd.DataFrame) -> str:
     if table["policy"].astype(str).str.contains("[:,]time=[0-9]+ms").any():
         lines.append(_CLOCK)
     lines += _details(table)
-    others = published.not_run_here(table["domain"].iloc[0], table["policy"].tolist())
+    first = table.iloc[0]
+    others = published.not_run_here(first["domain"], table["policy"].tolist(), first["horizon"])
     if others:
         figures = ", ".join(f"{p.method} {_plus_minus(p.value, p.error)}" for p in others)
         lines.append(f"Published, not run here (discounted): {figures}.")
     return "\n".join(lines)
+
+
+def _sources(references: pd.Series) -> str:
+    """Authors and years, in brackets; nothing where the table was read back from CSV, which has figures only."""
+    found = [each["source"].partition(",")[0] for each in references if isinstance(each, dict)]
+    return f" ({'; '.join(dict.fromkeys(found))})" if found else ""
 
 
 def _details(table: pd.DataFrame) -> list[str]:
