@@ -159,7 +159,7 @@ class TestTunables:
         def stop(*_, **__):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(sweeping, "evaluate", stop)
+        monkeypatch.setattr(sweeping.Episodes, "play", stop)
         assert main(["sweep", "rocksample-7x8", "--policy", "own_policies.py:Tunable", "--out", "run"]) == 130
         assert "harness sweep --resume run --policy own_policies.py:Tunable\n" in capsys.readouterr().err
 

@@ -118,7 +118,7 @@ def sweep(
     )
     played = Episodes(domain, subject, seed, horizon, "return", engine, workers, range=0)
     away = executor.current() if engine == "tables" else None
-    at = _untimed if planner is None else _timed
+    at = _score if planner is None else _timed
     scores = executor.ordered(away, at, thetas[known:], played, episodes, name=lambda theta: brief(subject.text(theta)))
     with Bar(progress, len(values), desc=f"sweep of {subject.names[k]}", unit="point") as bar:
         bar.update(known)
@@ -159,7 +159,7 @@ def _with(theta: Vector, k: int, x: float) -> Vector:
     return changed
 
 
-def _untimed(played: Episodes, episodes: int, theta: Vector) -> tuple[Score, list[float]]:
+def _score(played: Episodes, episodes: int, theta: Vector) -> tuple[Score, list[float]]:
     """The score at a point, and no further cells."""
     return played.play(theta, episodes, played.seed).score, []
 
