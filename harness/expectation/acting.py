@@ -37,7 +37,7 @@ class _Situations(Batch):
 
 
 class Actor:
-    """Plays a policy that says what it remembers (:attr:`harness.policy.base.Remembering.memory`)."""
+    """Plays a policy that says what it remembers (``memory``, see :class:`harness.policy.base.Policy`)."""
 
     def __init__(self, domain: Domain, policy: Policy) -> None:
         """A copy of the policy plays.

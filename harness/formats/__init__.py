@@ -57,7 +57,8 @@ def _check(path: Path) -> None:
 def load(path: Path) -> Domain:
     """A domain from a model file: ``.pomdp`` or ``.pomdpx``, or either with ``.gz``.
 
-    What its variables have become, and what was lost, is in :attr:`Domain.notes <harness.Domain.notes>`, and is logged.
+    What its variables have become, and what was lost, is in the domain's :attr:`~harness.model.domain.Domain.notes`,
+    and is logged.
 
     Raises:
         HarnessError: it cannot be read, or is no model of its format; the message has file, line and mend.

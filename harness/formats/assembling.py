@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from harness.errors import HarnessError
 from harness.formats import ending, limits, starting, touching
-from harness.formats.ending import Steps
+from harness.formats.ending import Outcomes
 from harness.formats.network import Network, labels, total
 from harness.formats.rules import Points, numbered, spans
 from harness.model import domain as domains
@@ -117,7 +117,7 @@ def _leaders(n: int, sets: Sequence[NDArray[np.bool_]]) -> list[int]:
     return leader
 
 
-def _steps(structure: Structure, pairs: Points) -> Steps:
+def _steps(structure: Structure, pairs: Points) -> Outcomes:
     """Rows and their outcomes, in the order of the next states."""
     network, c = structure.network, structure.network.columns
     rows, pair = _rows(structure, pairs)
@@ -134,7 +134,7 @@ def _steps(structure: Structure, pairs: Points) -> Steps:
     order = np.lexsort((value, visible, row))
     points, row, weight = points[order], row[order], weight[order]
     reading, readings, reward = _seen_and_paid(network, points)
-    return Steps(
+    return Outcomes(
         np.zeros(total([network.states[j] for j in network.visible]), dtype=np.bool_), structure.factor,
         pair, row, visible[order], value[order], weight, reading, reward, readings,
     )  # fmt: skip
@@ -218,7 +218,7 @@ def _expected(
     return np.where(low == high, low, np.add.reduceat(paid * weight[entry], first))
 
 
-def _visible_values(network: Network, steps: Steps) -> NDArray[np.int64]:
+def _visible_values(network: Network, steps: Outcomes) -> NDArray[np.int64]:
     """(V, numbers) the values of the visible variables; one more column says what has ended, where that is a value."""
     sizes = [len(network.states[j]) for j in network.visible]
     count, added = total([network.states[j] for j in network.visible]), len(steps.terminal)
@@ -229,7 +229,7 @@ def _visible_values(network: Network, steps: Steps) -> NDArray[np.int64]:
     return values if added > count else values[:, :-1]
 
 
-def _record(structure: Structure, steps: Steps) -> dict[str, Any]:
+def _record(structure: Structure, steps: Outcomes) -> dict[str, Any]:
     network = structure.network
     of_factors = [[network.states[j] for j in members] for members in structure.factors]
     factor_labels = [labels(variables) for variables in of_factors]

@@ -22,7 +22,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Steps:
+class Outcomes:
     """The rows of a domain's tables and their outcomes."""
 
     terminal: NDArray[np.bool_]
@@ -72,7 +72,7 @@ def running(numbers: NDArray[np.float64], count: Ints) -> NDArray[np.float64]:
     return sums
 
 
-def ended(sizes: Sequence[int], steps: Steps, start: Start, *, always: bool) -> tuple[Steps, Start]:
+def ended(sizes: Sequence[int], steps: Outcomes, start: Start, *, always: bool) -> tuple[Outcomes, Start]:
     """The steps with the visible values that are terminal, and the start.
 
     Where one hidden factor is all that is hidden, its values too can be the end: what leads there leads to one more
@@ -92,7 +92,7 @@ def ended(sizes: Sequence[int], steps: Steps, start: Start, *, always: bool) -> 
     return _compact(replace(steps, terminal=terminal, factor=factor, visible=visible)), begin
 
 
-def _live(steps: Steps, size: int) -> NDArray[np.bool_]:
+def _live(steps: Outcomes, size: int) -> NDArray[np.bool_]:
     """(V, size) from where something may still be paid; size is 1 where values of the hidden part do not count.
 
     Found backwards from the rows that pay.
@@ -127,7 +127,7 @@ def _moved(start: Start, partly: NDArray[np.bool_], last: int) -> Start:
     return replace(start, visible=visible, prior_visible=known, prior=prior / prior.sum(axis=1, keepdims=True))
 
 
-def _compact(steps: Steps) -> Steps:
+def _compact(steps: Outcomes) -> Outcomes:
     """Without the rows of terminal values, and the distributions of readings numbered as they are first met."""
     kept = ~steps.terminal[steps.pair // steps.n_actions]
     factor = np.where(np.repeat(steps.terminal, steps.n_actions), -1, steps.factor)

@@ -16,7 +16,7 @@ def read(path: Path) -> bytes:
     """The contents of a file, unpacked if its name ends in ``.gz``; what is over the limit is not unpacked further.
 
     Raises:
-        HarnessError: it cannot be read, is damaged, or is longer than :data:`limits.LARGEST_TEXT`.
+        HarnessError: it cannot be read, is damaged, or is longer than :data:`.limits.LARGEST_TEXT`.
     """
     try:
         with (gzip.open if path.suffix == ".gz" else open)(path, "rb") as file:
