@@ -25,9 +25,11 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
-    "sphinx.ext.viewcode",
     "myst_nb",
 ]
+SIZE = os.environ.get("HARNESS_NOTEBOOK_SIZE", "full")
+if SIZE == "full":  # the sources as pages take half of the time, and a check in CI learns nothing by them
+    extensions.append("sphinx.ext.viewcode")
 myst_enable_extensions = ["colon_fence", "substitution"]
 myst_substitutions = generated.figures() | generated.limits()
 myst_heading_anchors = 3
@@ -47,7 +49,7 @@ nitpick_ignore_regex = [("py:class", r"(?!harness\.).*"), ("py:class", r"harness
 nb_execution_mode = "off"  # they come with their outputs
 nb_output_stderr = "warn"
 for path in stories.SOURCES:
-    book = stories.page(path, os.environ.get("HARNESS_NOTEBOOK_SIZE", "full"))
+    book = stories.page(path, SIZE)
     (DOCS / "notebooks").mkdir(exist_ok=True)
     nbformat.write(book, DOCS / "notebooks" / path.name)
 os.environ["COLUMNS"] = "100"  # of the help texts of the commands
