@@ -44,7 +44,7 @@ def main() -> None:
         last = (near if len(near) else history).iloc[0 if len(near) else -1]
         if again:
             shown = f"{last['seconds']:.2f}" if len(near) else f"> {last['seconds']:.0f}"
-            rows.append([rocks, shown, last["memory"] / 1e6, last["nodes"], last["lower"], last["upper"]])
+            rows.append([rocks, shown, last["megabytes"], last["nodes"], last["lower"], last["upper"]])
     growth = [f"{float(b[2]) / float(a[2]):.2f}" for a, b in itertools.pairwise(rows)]
     heads = ["rocks", "seconds to 1 %", "MB", "nodes", "lower", "upper"]
     print(tabulate(rows, heads, floatfmt=("g", "", ".0f", ".0f", ".4f", ".4f")))
