@@ -11,8 +11,8 @@ from scipy.sparse import linalg
 
 from harness import host
 from harness.errors import HarnessError
-from harness.expectation.expanding import ranges
 from harness.model.domain import Domain
+from harness.model.indexing import spans, strides
 from harness.model.tables import STOP
 from harness.policy.fsc import FileController
 
@@ -63,7 +63,7 @@ class _Chain:
     def __init__(self, domain: Domain, controller: FileController) -> None:
         self.domain, self.nodes, self.t = domain, controller.nodes, domain.tables
         self.shape = (*controller.nodes.action.shape, domain.n_joint)
-        self.strides = np.cumprod([1, *domain.factor_sizes[:0:-1]])[::-1].astype(np.int64)[: len(domain.factors)]
+        self.strides = strides(domain.factor_sizes)
 
     def start(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """States before the first step that have not ended, and their probabilities."""
@@ -88,18 +88,18 @@ class _Chain:
         action = self.nodes.action[node, visible, reading]
         choice = t.choices[visible * t.n_actions + np.maximum(action, 0)]
         factor = choice["factor"].astype(np.int64)
-        sizes, strides = np.append(self.domain.factor_sizes, 1).astype(np.int64), np.append(self.strides, 0)
-        value = joint // np.maximum(strides[factor], 1) % sizes[factor]  # 0 without a factor
+        sizes, stride = np.append(self.domain.factor_sizes, 1).astype(np.int64), np.append(self.strides, 0)
+        value = joint // np.maximum(stride[factor], 1) % sizes[factor]  # 0 without a factor
         row = t.rows[choice["first_row"] + value]
         count = np.where(action == STOP, 0, row["last"] - row["first"])
-        j, source = ranges(row["first"], count)
+        j, source = spans(row["first"], count)
         paid = np.zeros(len(states))
         np.add.at(paid, source, outcomes["probability"][j] * outcomes["reward"][j])
         goes_on = ~outcomes["ends"][j]
         j, source = j[goes_on], source[goes_on]
         k, o = np.nonzero(t.reading_probability[outcomes["reading"][j]])
         j, source = j[k], source[k]
-        after = joint[source] + (outcomes["value"][j] - value[source]) * strides[factor[source]]
+        after = joint[source] + (outcomes["value"][j] - value[source]) * stride[factor[source]]
         following = self.nodes.next[node, visible, reading][source]
         target = np.ravel_multi_index((following, outcomes["visible"][j], o + 1, after), self.shape).astype(np.int64)
         chance = outcomes["probability"][j] * t.reading_probability[outcomes["reading"][j], o]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.expectation.situations import SEEN
+from harness.model.indexing import spans
 from harness.model.tables import STOP, Records, Tables, compiled, inlined, update_belief
 
 
@@ -15,8 +14,8 @@ def ways(t: Tables) -> NDArray[np.int64]:
     """(V·A,) of every visible value and action, how many situations a step makes of one at most."""
     sizes = np.append(np.diff(t.factor_offset), 1)  # the last one: no factor
     rows_of = np.where(t.choices["first_row"] < 0, 0, sizes[t.choices["factor"]])
-    row, choice = ranges(t.choices["first_row"], rows_of)
-    j, of_row = ranges(t.rows["first"][row], (t.rows["last"] - t.rows["first"])[row])
+    row, choice = spans(t.choices["first_row"], rows_of)
+    j, of_row = spans(t.rows["first"][row], (t.rows["last"] - t.rows["first"])[row])
     choice = choice[of_row]
     apart = t.choices["factor"][choice] < 0  # without a factor each outcome is by itself
     which = np.where(apart, j, t.outcomes["visible"][j])
@@ -24,13 +23,6 @@ def ways(t: Tables) -> NDArray[np.int64]:
     outcome, reading = np.nonzero(can)
     different = np.unique(np.stack([choice[outcome], which[outcome], reading]), axis=1)
     return np.bincount(different[0], minlength=len(t.choices))
-
-
-def ranges(first: NDArray[Any], count: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """``first … first + count − 1`` of every pair, one range after the other, and which pair each number is of."""
-    pair = np.repeat(np.arange(len(first)), count)
-    begins = np.cumsum(count) - count
-    return first[pair] + np.arange(len(pair)) - begins[pair], pair
 
 
 @compiled

@@ -13,10 +13,11 @@ from harness.errors import HarnessError
 from harness.formats import ending, limits, starting, touching
 from harness.formats.ending import Outcomes
 from harness.formats.network import Network, labels, total
-from harness.formats.rules import Points, numbered, spans
+from harness.formats.rules import Points, numbered
 from harness.model import domain as domains
 from harness.model import validation
 from harness.model.domain import Domain
+from harness.model.indexing import spans
 
 _SHOWN = 4  # names in a list, of which there may be hundreds
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError
 from harness.formats import limits, naming, outgoing
 from harness.formats.outgoing import Arrows
-from harness.formats.rules import spans
 from harness.model.domain import Domain
+from harness.model.indexing import spans, strides
 
 Ints = NDArray[np.int64]
 
@@ -117,8 +117,7 @@ def _arrows(flat: _Flat) -> Arrows:
 
 def _strides(domain: Domain) -> Ints:
     """(K + 1,) of every factor in the joint value, the last one running fastest; the last entry serves factor −1."""
-    after = np.cumprod([*domain.factor_sizes, 1][::-1])[::-1][1:]
-    return np.array([*after, 1], dtype=np.int64)
+    return np.append(strides(domain.factor_sizes), 1)
 
 
 def _start(flat: _Flat) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from harness.errors import HarnessError
 from harness.formats import limits
+from harness.model.indexing import spans
 
 ANY = -1
 """In a rule, of a variable: whatever its value (``*``)."""
@@ -224,13 +225,6 @@ class Rules:
         strides = np.array(pile.strides, dtype=np.int64)
         numbers = np.array(pile.numbers, dtype=np.float64)
         return Group(np.array(named, dtype=np.int64), sizes, strides, keys[last], turns[last], numbers[last])
-
-
-def spans(first: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The numbers ``first … first + count − 1`` of one span after the other, and of which span each is."""
-    which = np.repeat(np.arange(len(count)), count)
-    before = np.concatenate([[0], np.cumsum(count)])[:-1]
-    return np.arange(len(which)) + (first - before)[which], which
 
 
 def grid(points: Points, columns: Sequence[int], sizes: Sequence[int]) -> Points:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError
 from harness.formats import limits
 from harness.formats.network import Network
-from harness.formats.rules import Points, spans
+from harness.formats.rules import Points
+from harness.model.indexing import spans
 
 
 @dataclass(frozen=True, eq=False)

@@ -398,14 +398,9 @@ def start_value(above: Above, factor_offset: NDArray[np.int64], v: int, belief: 
     """The same as the grid is now, which the search may not have been given yet."""
     if len(above.table) > 0:
         return grid_value(above, factor_offset, v, belief)
-    parts, total, width = parts_of(above, factor_offset, belief, False), 0.0, 0.0
+    parts = parts_of(above, factor_offset, belief, False)
     cells, weights = np.empty(widest(parts), dtype=np.int64), np.empty(widest(parts))
-    count = spread(parts, -1, cells, weights)
-    for i in range(count):
-        term = weights[i] * np.float64(above.value[cells[i], v])
-        total += term
-        width += abs(term)
-    return total + (count + 4 * len(above.stride) + 20) * 2.0**-52 * width
+    return mixed(above.value.T, cells, weights, spread(parts, -1, cells, weights), 0, v, roundings(above))
 
 
 def finer(value: NDArray[np.float32], old: Levels, new: Levels, sizes: Sequence[int]) -> NDArray[np.float32]:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.model.indexing import strides
 from harness.model.tables import lean
 
 Point = tuple[float, ...]
@@ -48,7 +49,7 @@ def make(points: Sequence[Sequence[Point]]) -> Levels:
     for i, point in enumerate(point for factor in lists for point in factor):
         table[i, : len(point)] = point
     offset = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    stride = np.concatenate([np.cumprod(counts[::-1])[::-1][1:], [1]]).astype(np.int64)[: len(counts)]
+    stride = strides(counts)
     return Levels(offset, table, stride)
 
 

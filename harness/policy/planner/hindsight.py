@@ -7,17 +7,13 @@ from numpy.typing import NDArray
 
 from harness.errors import PolicyError
 from harness.model.domain import Domain
+from harness.model.indexing import strides
 from harness.model.tables import Tables, compiled
 
 MOST_STATES = 20_000_000
 """Values of the table at most: 160 MB."""
 _TOLERANCE = 1e-3
 _SWEEPS = 5000
-
-
-def strides_of(domain: Domain) -> NDArray[np.int64]:
-    """(K,) by how much the index of the joint hidden part grows with a factor's value; the last factor by 1."""
-    return np.array([*np.cumprod(domain.factor_sizes[:0:-1])[::-1], 1], dtype=np.int64)[-len(domain.factor_sizes) :]
 
 
 def seen_through(domain: Domain) -> NDArray[np.float64]:
@@ -35,10 +31,10 @@ def seen_through(domain: Domain) -> NDArray[np.float64]:
             "pomcp needs none"
         )
     value = np.zeros((domain.n_visible, domain.n_joint))
-    tables, strides = domain.shaped("none").tables, strides_of(domain)
+    tables, stride = domain.shaped("none").tables, strides(domain.factor_sizes)
     sizes, discount = np.array(domain.factor_sizes, dtype=np.int64), float(domain.discount)
     for sweep in range(_SWEEPS):
-        rise, change = _sweep(tables, strides, sizes, discount, value, sweep % 2 == 1)
+        rise, change = _sweep(tables, stride, sizes, discount, value, sweep % 2 == 1)
         if discount * change <= _TOLERANCE * (1.0 - discount):
             break
     if rise > 0.0:

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.model.domain import Domain
+from harness.model.indexing import strides
 from harness.model.splitmix import uniform_at
 from harness.model.tables import Records, compiled, draw_outcome, draw_reading
-from harness.policy.planner.hindsight import seen_through, strides_of
+from harness.policy.planner.hindsight import seen_through
 from harness.policy.planner.simulating import Model, model_of
 from harness.solver.branches import branches_of
 from harness.solver.floor import robust
@@ -88,7 +89,7 @@ def bounds_of(domain: Domain) -> Bounds:
     """The bounds of a domain: the default policy is the best of those that need to know nothing hidden."""
     floor, action = robust(branches_of(domain), 1e-6)
     sizes = np.array(domain.factor_sizes, dtype=np.int64)
-    return Bounds(floor, action.astype(np.int32), seen_through(domain), strides_of(domain), sizes)
+    return Bounds(floor, action.astype(np.int32), seen_through(domain), strides(domain.factor_sizes), sizes)
 
 
 def empty_tree(scenarios: int) -> Tree:

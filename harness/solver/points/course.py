@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from harness.errors import HarnessError
 from harness.model.domain import Domain
+from harness.model.indexing import spans
 from harness.solver.points import initial, store, trials
-from harness.solver.points.steps import Start, Steps, entries_of, spans, starts, steps_of
+from harness.solver.points.steps import Start, Steps, entries_of, starts, steps_of
 from harness.solver.points.store import N_HELD, N_NEXT, N_NODES, N_VECTORS, TRIALS, Nodes, Room, Vectors
 from harness.solver.points.trials import Model, Scratch
 

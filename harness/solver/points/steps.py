@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.model.domain import Domain
+from harness.model.indexing import spans, strides
 from harness.model.tables import Records, Tables
 
 
@@ -135,8 +136,7 @@ def _rows_of(domain: Domain) -> _Rows:
 
 def _strides(domain: Domain) -> NDArray[np.int64]:
     """(K + 1,) of every factor; the last entry serves factor −1."""
-    after = np.cumprod([*domain.factor_sizes, 1][::-1])[::-1][1:]
-    return np.array([*after, 1], dtype=np.int64)
+    return np.append(strides(domain.factor_sizes), 1)
 
 
 def _readings(
@@ -147,12 +147,6 @@ def _readings(
     count = np.bincount(distribution, minlength=len(t.reading_probability))
     place, which = spans(_begins(count)[outcome["reading"]], count[outcome["reading"]])
     return row[which], reading[place], outcome[which]
-
-
-def spans(first: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The numbers ``first … first + count − 1`` of one span after the other, and of which span each is."""
-    which = np.repeat(np.arange(len(count)), count)
-    return np.arange(len(which)) + (first - _begins(count)[:-1])[which], which
 
 
 def _begins(count: NDArray[np.int64]) -> NDArray[np.int64]:
