@@ -8,8 +8,8 @@ several repetitions of each, in turn. The rocks of pomdp-py's own generator lie 
 
 With --julia whole episodes are played, and each planner of POMDPs.jl stands beside ours of the same settings: what both
 earn, and the processor's time an action. AdaOPS has no counterpart. After an episode that compiles. BasicPOMCP is given
-the exact belief, as ours is. By itself it rolls out by all actions, illegal ones too, and tries them in its tree; here it
-has the legal ones, as ours has, and ours makes a new tree at every step, as it does.
+the exact belief, as ours is. By itself it rolls out by all actions, illegal ones too, and tries them in its tree;
+here it has the legal ones, as ours has, and ours makes a new tree at every step, as it does.
 """
 
 from __future__ import annotations
