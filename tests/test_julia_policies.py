@@ -283,7 +283,9 @@ class TestSolving:
     def test_a_planner_has_none(self, tiger, written):
         from harness.solver.julia import solve
 
-        with pytest.raises(harness.JuliaError, match=r"planner\.jl: a RandomPolicy has neither alpha vectors nor a value"):
+        with pytest.raises(
+            harness.JuliaError, match=r"planner\.jl: a RandomPolicy has neither alpha vectors nor a value"
+        ):
             solve(tiger, written("using POMDPTools\nRandomPolicy"), {})
 
 
