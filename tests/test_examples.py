@@ -51,7 +51,7 @@ def test_paynt_s_controller_earns_what_paynt_says(tmp_path):
     model = tmp_path / "tiger.pomdp"
     harness.write_model(models.tiger(), model)
     value, controller = run("paynt_controller")["main"](model, seconds=3.0, folder=tmp_path)
-    found = harness.exact(model, f"fsc:{controller}", horizon=600)
+    found = harness.exact(str(model), f"fsc:{controller}", horizon=600)
     assert found.discounted.low == pytest.approx(value, rel=1e-3)
 
 
