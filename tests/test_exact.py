@@ -13,6 +13,7 @@ import pytest
 import harness
 from harness import policy as policies
 from harness import registry
+from harness.cli import main
 from harness.errors import HarnessError, PolicyError
 from harness.expectation.chain import endless
 from harness.expectation.left import Prospects
@@ -20,6 +21,8 @@ from harness.expectation.programs import expected
 from harness.expectation.situations import first_layer
 from harness.play.evaluation import simulate
 from harness.policy.base import Stateless
+from harness.policy.converting import controller_of
+from harness.policy.fsc import FileController, to_record
 from harness.policy.program import ProgramPolicy
 from harness.program import parse, words_of
 from harness.solver import solution
@@ -391,6 +394,45 @@ def test_without_a_horizon_a_controller_earns_the_solution_of_its_linear_system(
     crossing["nodes"]["b"] = [{"do": "right(2)", "go": "a"}]
     known = harness.exact(hidden, controller(tmp_path, crossing, hidden), horizon=600).discounted.low
     assert endless(hidden, controller(tmp_path, crossing, hidden)).value == pytest.approx(known, abs=1e-6)
+
+
+CONTROLLED = [
+    ("rocksample-7x8", 'loop\nwhile(y() > 2) down()\ncheck(2)\ncheck(1)\nif(2 == "good") sample()\nright()\n'),
+    (
+        "rocksample-7x8",
+        'loop\nif(x() > 1 and 3 == "bad") right() else check(3)\nif(3 == "good" or 4 == "bad") check(4)\n',
+    ),
+    ("bordercross-7x8-random", "loop\nif(distance() < 3) right(2) else right(1)\nif(distance() == 0) cooperate()\n"),
+    ("bordercross-7x8", "right(1)\nright(1)\nwhile(distance() > 2) up(2)\ncooperate()\n"),
+]
+
+
+@pytest.mark.parametrize(("name", "text"), CONTROLLED)
+def test_a_program_as_a_controller_earns_the_same(name, text, tmp_path):
+    domain = harness.load(name)
+    program = parse(text, words_of(domain))
+    nodes = controller_of(program, domain)
+    assert len(nodes.action) < 60
+    path = tmp_path / "controller.json"
+    path.write_text(json.dumps(to_record(nodes, domain)), encoding="utf-8")
+    known = harness.exact(domain, ProgramPolicy(program))
+    for policy in (FileController(domain, nodes), policies.make(f"fsc:{path}", domain)[1]):
+        found = harness.exact(domain, policy)
+        assert found.mean.low == pytest.approx(known.mean.low, abs=1e-9)
+        assert found.discounted.low == pytest.approx(known.discounted.low, abs=1e-9)
+
+
+def test_beliefs_are_no_finite_memory(rocksample):
+    with pytest.raises(PolicyError, match="asks for beliefs, which no finite memory holds"):
+        controller_of(parse("if(belief(3) > 0.5) up()", words_of(rocksample)), rocksample)
+
+
+def test_controller_at_the_command_line(tmp_path, capsys):
+    path = tmp_path / "fsc.json"
+    assert main(["controller", "rocksample-7x8", "ge-feedback", "--out", str(path)]) == 0
+    assert capsys.readouterr().out == f"{path}: 46 nodes; discounted return without a horizon 17.5983\n"
+    assert main(["controller", "rocksample-7x8", "ge", "--out", str(path)]) == 2
+    assert "asks for beliefs" in capsys.readouterr().err
 
 
 def test_a_controller_of_paynt_earns_what_paynt_says(tmp_path):

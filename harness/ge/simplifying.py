@@ -91,7 +91,7 @@ def simplify(
     domain = registry.load(domain) if isinstance(domain, str) else domain
     check_played(seed=0, horizon=horizon, episodes=EPISODES if episodes is None else episodes)
     check_whole("seed", seed, 0, 2**61 - 1)
-    original = _program(domain, program)
+    original = program_of(domain, program)
     judge = _Judge(domain, seed, horizon, host.workers(workers), episodes or 0)
     before = judge([original])[0]
     if np.isnan(before):
@@ -136,7 +136,12 @@ class _Search(NamedTuple):
         return None
 
 
-def _program(domain: Domain, given: Program | ProgramPolicy | str) -> Program:
+def program_of(domain: Domain, given: Program | ProgramPolicy | str) -> Program:
+    """A program of a domain: itself, or by its text or a policy string.
+
+    Raises:
+        HarnessError: it is no program.
+    """
     if isinstance(given, str) and "\n" in given:
         return parse(given, words_of(domain))
     made = policies.make(given, domain)[1] if isinstance(given, str) else given

@@ -96,6 +96,48 @@ def read_controller(path: Path, domain: Domain) -> Nodes:
         raise PolicyError(f"{path}: {error}") from None
 
 
+def to_record(nodes: Nodes, domain: Domain) -> dict[str, Any]:
+    """The JSON of a controller, as :func:`read_controller` reads it.
+
+    Before the first reading a node does what its rules say without one. Only the start node is taken to be there then.
+    """
+    named = enumerate(zip(nodes.action, nodes.next, strict=True))
+    return {
+        "start": str(nodes.start),
+        "nodes": {str(i): _rules_of(*node, i == nodes.start, domain) for i, node in named},
+    }
+
+
+def _rules_of(
+    action: NDArray[np.int32], following: NDArray[np.int32], begins: bool, domain: Domain
+) -> list[dict[str, Any]]:
+    """The rules of a node: readings alone where what is visible decides nothing; the most common at last."""
+    alive = np.flatnonzero(~domain.tables.terminal).tolist()
+    kinds = [list(zip(*rows, strict=True)) for rows in zip(action.tolist(), following.tolist(), strict=True)]
+    usual = {v: kinds[v][0] if begins else _commonest(kinds[v][1:]) for v in alive}
+    alike = all(kinds[v][1:] == kinds[alive[0]][1:] and usual[v] == usual[alive[0]] for v in alive)
+    last = _commonest(list(usual.values()))
+    rules = []
+    for v in alive[:1] if alike else alive:
+        seen = zip(domain.visible_names, domain.visible_values[v].tolist(), strict=True)
+        place = {} if alike else {"visible": dict(seen)}
+        for o, name in enumerate(domain.observations):
+            if kinds[v][o + 1] != usual[v]:
+                rules.append({**place, "reading": name, **_done(kinds[v][o + 1], domain)})
+        if usual[v] != last:
+            rules.append({**place, **_done(usual[v], domain)})
+    return [*rules, _done(last, domain)]
+
+
+def _commonest(kinds: list[tuple[int, int]]) -> tuple[int, int]:
+    return max(dict.fromkeys(kinds), key=kinds.count)
+
+
+def _done(kind: tuple[int, int], domain: Domain) -> dict[str, Any]:
+    action, node = kind
+    return {"do": "stop"} if action == STOP else {"do": domain.actions[action], "go": str(node)}
+
+
 def _of_rules(record: dict[str, Any], domain: Domain) -> Nodes:
     nodes, start = record.get("nodes"), record.get("start")
     if not isinstance(nodes, dict) or not nodes:

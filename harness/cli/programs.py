@@ -1,4 +1,4 @@
-"""``simplify``: a program without what changes nothing."""
+"""``simplify`` and ``controller``: a program without what changes nothing, and as a finite-state controller."""
 
 from __future__ import annotations
 
@@ -28,6 +28,16 @@ def register(commands: Any) -> None:
     simplify.add_argument("--out", type=Path, metavar="FILE", help="write the program there")
     simplify.set_defaults(run=_simplify)
 
+    controller = commands.add_parser(
+        "controller",
+        help="write a program as a finite-state controller",
+        description="Write a program that asks for no beliefs as a finite-state controller, a policy fsc:FILE.json.",
+    )
+    domain_argument(controller)
+    controller.add_argument("program", metavar="PROGRAM", help="a program: program:FILE, ge, ge-feedback")
+    controller.add_argument("--out", type=Path, metavar="FILE", required=True, help="the JSON file")
+    controller.set_defaults(run=_controller)
+
 
 def _simplify(options: argparse.Namespace) -> None:
     from harness import registry
@@ -53,3 +63,20 @@ def _simplify(options: argparse.Namespace) -> None:
     )
     if options.out is not None:
         write(options.out, found.program.text)
+
+
+def _controller(options: argparse.Namespace) -> None:
+    from harness import files, registry
+    from harness.expectation.chain import endless
+    from harness.ge.simplifying import program_of
+    from harness.policy import fsc
+    from harness.policy.converting import controller_of
+
+    domain = registry.load(options.domain)
+    nodes = controller_of(program_of(domain, options.program), domain)
+    files.replace_json(files.named(options.out), fsc.to_record(nodes, domain))
+    found = f"{options.out}: {len(nodes.action):,} nodes"
+    if domain.discount < 1:
+        worth = endless(domain, fsc.FileController(domain, nodes))
+        found += f"; discounted return without a horizon {worth.value:.4f}"
+    print(found)
