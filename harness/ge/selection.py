@@ -18,6 +18,8 @@ from harness.model.tables import compiled
 
 Indices = NDArray[np.intp]
 
+DESCRIPTORS = 3
+"""Numbers D of a behaviour."""
 NEIGHBOURS = 15
 """Nearest behaviours whose mean distance is the novelty (Lehman and Stanley 2011)."""
 REMEMBERED = 6
@@ -33,7 +35,7 @@ class Pool(NamedTuple):
     """(n, E) fitness in each of the generation's episodes, whose mean is the fitness."""
     descriptors: NDArray[np.float64] | None = None
     """(n, D) behaviour, every number from 0 to 1."""
-    seen: NDArray[np.float64] = np.zeros((0, 0))
+    seen: NDArray[np.float64] = np.zeros((0, DESCRIPTORS))
     """(kept, D) behaviours that earlier generations have shown."""
 
     def only(self, members: Indices) -> Pool:
@@ -124,7 +126,7 @@ def remembered(pool: Pool, rng: np.random.Generator) -> NDArray[np.float64]:
     assert pool.descriptors is not None
     valid = pool.descriptors[np.isfinite(pool.fitness)]
     new = valid[rng.permutation(len(valid))[:REMEMBERED]]
-    return np.concatenate([pool.seen.reshape(-1, new.shape[1]), new])
+    return np.concatenate([pool.seen, new])
 
 
 def archive(pool: Pool, most: int) -> Indices:
