@@ -31,9 +31,9 @@ class Evaluated(NamedTuple):
     cost: int
     """What the evaluation cost, such as environment steps."""
     cases: NDArray[np.float64] | None = None
-    """(phenotypes, E) fitness in each of E cases, whose mean is the fitness; where breeding goes by cases."""
+    """(phenotypes, E) fitness in each of E cases, whose mean is the fitness; needed where breeding goes by cases."""
     descriptors: NDArray[np.float64] | None = None
-    """(phenotypes, D) behaviour, every number from 0 to 1; where breeding goes by behaviour."""
+    """(phenotypes, D) behaviour, every number from 0 to 1; needed where breeding goes by behaviour."""
 
 
 Fitness = Callable[[Sequence[str], int], Evaluated]

@@ -140,11 +140,13 @@ def archive(pool: Pool, most: int) -> Indices:
     order = order[np.isfinite(pool.fitness[order])]
     found = order[:1]
     for parts in range(1, _FINEST + 1):
-        cells = np.minimum(pool.descriptors[order] * parts, parts - 1).astype(np.int64)
-        fittest = np.unique(cells, axis=0, return_index=True)[1]
+        cells = np.minimum(pool.descriptors[order] * parts, parts - 1).astype(np.int64).tolist()
+        fittest: dict[tuple[int, ...], int] = {}
+        for i, cell in zip(order, cells, strict=True):
+            fittest.setdefault(tuple(cell), i)
         if len(fittest) > most:
             break
-        found = order[np.sort(fittest)]
+        found = np.array(list(fittest.values()), dtype=np.intp)
     return found
 
 

@@ -204,15 +204,15 @@ def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Epi
 def _lockstep(domain: Domain, program: Program, episodes: Episodes, played: Played) -> None:
     """Adds up what becomes of one program."""
     policy, every, none = ProgramPolicy(program), np.arange(episodes.size), _none(domain)
-    visited = np.zeros((episodes.size, domain.n_visible), dtype=np.bool_)
+    places = []  # of episode and visible value; an episode that has ended stays where it is
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
-        visited[every, record.batch.visible] = True  # an episode that has ended stays where it is
+        places.append(every * domain.n_visible + record.batch.visible)
         if record.actions is not None:
             played.returns[0, record.active] += record.rewards[record.active]
             played.steps[0] += int(record.active.sum())
             told = record.batch.observation[record.active]
             played.readings[0] += int(((told >= 0) & (told != none)).sum())
-    played.visited[0] = visited.sum()
+    played.visited[0] = len(np.unique(places))
 
 
 @compiled
