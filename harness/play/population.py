@@ -248,6 +248,7 @@ def _play(
     scratch = np.zeros(max(1, np.diff(factor_offset).max() if len(factor_offset) > 1 else 1))
     for p in range(len(firsts)):
         first, last, loop, track = firsts[p], lasts[p], loops[p], believes[p]
+        cells, told = 0, 0
         for e in range(u.shape[0]):
             v, o, done = start_visible[e], start_observation[e], start_done[e]
             for k in range(values.shape[1]):
@@ -260,7 +261,7 @@ def _play(
             place, total = 0, 0.0
             episode = p * u.shape[0] + e
             met[v] = episode
-            visited[p] += 1
+            cells += 1
             step = 1
             while step < u.shape[1] and not done:
                 a, place = next_action(
@@ -281,9 +282,8 @@ def _play(
                     done = outcomes[i].ends
                     if met[v] != episode:
                         met[v] = episode
-                        visited[p] += 1
-                    if o >= 0 and o != none:
-                        readings[p] += 1
+                        cells += 1
+                    told += o >= 0 and o != none
                     if register[a] >= 0:
                         registers[0, register[a]] = o
                     if track and k >= 0:
@@ -294,3 +294,4 @@ def _play(
                         )
                     step += 1
             returns[p, e] = total
+        visited[p], readings[p] = cells, told
