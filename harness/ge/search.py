@@ -81,8 +81,12 @@ def _check_memory(domain: Domain, p: Parameters) -> None:
         host.check_memory(*population.memory(domain, programs, episodes, p.horizon))
     codons = p.population * p.max_codons
     host.check_memory(f"a population of {p.population:,} with {p.max_codons:,} codons each", codons * _CODON)
+    if p.uses_cases:
+        numbers = p.population * p.episodes
+        host.check_memory(f"the fitness of {p.population:,} in {p.episodes:,} cases each", numbers * _CASE)
 
 
+_CASE = 48  # bytes, with the copies of it that breeding takes
 _CODON = 16  # bytes, with its part of the derivation
 
 
@@ -127,6 +131,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         raise HarnessError(f"the checkpoint in {folder.path} is of another run; start anew in another folder")
     rows = list(state.rows) if state else []
     start, first = (state.generation, state.population) if state else (0, loop.first_population(setup.grammar, p))
+    past = state.past if state else None
     for row in rows:
         watch(row)
     saved = begun = time.monotonic()
@@ -136,7 +141,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         files.replace_text(folder.path / parameter_file.NAME, parameter_file.text(p, setup.domain.name))
         folder.improvements = Improvements(folder.path, rows)
     try:
-        for generation in loop.evolve(setup.grammar, p, fitness, first, start, _refiner(setup, fitness)):
+        for generation in loop.evolve(setup.grammar, p, fitness, first, start, _refiner(setup, fitness), past):
             if generation.number == p.generations:
                 generation, rivals = _with_rivals(p, fitness, generation)
             if generation.number == len(rows):  # a checkpoint's own generation has its row
@@ -190,7 +195,7 @@ def _different(fitness: ProgramFitness, last: loop.Generation) -> dict[str, floa
 
 def _save(folder: RunFolder, fitness: ProgramFitness, generation: loop.Generation, rows: list[dict[str, Any]]) -> None:
     best = generation.best()
-    state = State(generation.number, list(generation.population), rows)
+    state = State(generation.number, list(generation.population), rows, generation.past)
     folder.save(state, None if best is None else fitness.compile(best).text)
 
 
