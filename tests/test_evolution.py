@@ -204,7 +204,7 @@ def results(folder):
     """All that a run leaves, without the times."""
     history = pd.read_csv(folder / "history.csv").drop(columns="seconds")
     best = json.loads((folder / "best.json").read_text())
-    texts = [(folder / name).read_text() for name in ("finalists.csv", "improvements.json")]
+    texts = [(folder / name).read_text() for name in ("finalists.csv", "improvements.json", "hall.json", "front.csv")]
     return history, *texts, best["program"], best["score"], best["validation"]
 
 

@@ -111,8 +111,36 @@ def _report_one(result: Any, folder: Path) -> None:
     print(
         f"return on fresh episodes         {score.mean:9.2f} ± {score.sem:.2f}   ({score.episodes:,} episodes; {more})"
     )
-    print(f"\n{folder}: history.csv, best.txt, best.json, finalists.csv, improvements.json")
+    _print_front(result.front)
+    _simplified(result, folder)
+    print(f"\n{folder}: history.csv, best.txt, best.json, simplified.txt, acts.csv, front.csv, finalists.csv")
     print(f"score it: harness compare {result.domain} --policy program:{folder / 'best.txt'}")
+
+
+def _print_front(front: Any) -> None:
+    from tabulate import tabulate
+
+    shown = front.assign(file=[f"front-{length}.txt" for length in front["length"]])
+    heads = {"length": "statements", "validation": "earns", "validation_sem": "± s.e.", "file": "file"}
+    print("\nThe best of so many statements or fewer, compared on episodes that no generation has seen:\n")
+    print(tabulate(shown[list(heads)].values.tolist(), headers=list(heads.values()), floatfmt=".2f"))
+
+
+def _simplified(result: Any, folder: Path) -> None:
+    """The winner's twin without what changes nothing, and how often the lines of both act."""
+    from harness.cli.arguments import write
+    from harness.ge import simplifying
+
+    program, p = result.best.program, result.parameters
+    domain = program.words.domain.shaped("none")
+    found = simplifying.simplify(domain, program, seed=p.seed, horizon=p.horizon, progress=True)
+    write(folder / "simplified.txt", found.program.text)
+    acts = simplifying.acts(domain, {"best": program, "simplified": found.program}, seed=p.seed, horizon=p.horizon)
+    write(folder / "acts.csv", acts.to_csv(index=False, lineterminator="\n"))
+    print(
+        f"\nsimplified.txt: {found.program.length} statements for {found.original.length}, return {found.after:.4f} "
+        f"for {found.before:.4f} (judged {found.how})"
+    )
 
 
 def _report_many(result: Any, folder: Path) -> None:

@@ -14,6 +14,7 @@ from harness.errors import quoted
 from harness.expectation.forward import exact
 from harness.expectation.programs import expected
 from harness.ge.grammar import Grammar, GrammarError
+from harness.ge.hall import Hall
 from harness.ge.initialisation import GROW, tree
 from harness.ge.loop import Evaluated, rows_of
 from harness.ge.mapping import derive
@@ -61,6 +62,8 @@ class ProgramFitness:
         self.domain = domain.shaped(parameters.shaping)
         self.words = words_of(domain)
         self.parameters, self.engine, self.workers = parameters, engine, workers
+        self.hall: Hall | None = None
+        """Sees what every generation has judged."""
 
     def __call__(self, phenotypes: Sequence[str], generation: int) -> Evaluated:
         """Fitness on the episodes of a generation; −inf for a program that is nested too deep to be compiled."""
@@ -68,6 +71,8 @@ class ProgramFitness:
         compiled = [self._compiled(text) for text in phenotypes]
         programs = [program for program in compiled if program is not None]
         judged = self.judge(programs, generation * p.episodes, p.episodes)
+        if self.hall:
+            self.hall.see(generation, programs, judged.means)
         known = np.array([program is not None for program in compiled], dtype=np.bool_)
         at = np.where(known, np.cumsum(known) - 1, -1)
         returns = np.reshape(judged.returns, (len(programs), p.episodes)) if p.uses_cases else None

@@ -6,7 +6,9 @@
 - ``checkpoint.npz``: the population of a generation that is in the history
 - ``best.txt``: the best program so far; in the end, the winner
 - ``improvements.json``: how it came about (:mod:`harness.ge.improvements`)
+- ``hall.json``: the best of every length that any generation has seen (:mod:`harness.ge.hall`)
 - ``finalists.csv``: in the end, the programs that were compared once more
+- ``front.csv`` and ``front-LENGTH.txt``: in the end, what earns more than all shorter ones (:mod:`harness.ge.front`)
 - ``best.json``: in the end, the winner with its scores and all that it came from
 
 All are written atomically, the history before the checkpoint, which keeps a hash of it. So a run that is killed at any
@@ -30,7 +32,7 @@ import pandas as pd
 
 from harness import files, host
 from harness.errors import HarnessError, SnapshotError
-from harness.ge.improvements import Improvements
+from harness.ge.entries import Entries
 from harness.ge.loop import Past, no_past
 from harness.ge.mapping import Codons
 from harness.model import archive
@@ -59,8 +61,8 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         """``path`` need not exist."""
         self.path = path
-        self.improvements: Improvements | None = None
-        """Of a run under way."""
+        self.entries: list[Entries] = []
+        """Of a run under way: programs that are kept on the way."""
         self._written = 0  # rows of the history on disk
 
     def create(self, config: Mapping[str, Any], grammar: str) -> None:
@@ -140,8 +142,8 @@ class RunFolder:
         if self._written == len(state.rows):
             return
         self._check_there()
-        if self.improvements:
-            self.improvements.save()
+        for entries in self.entries:
+            entries.save(len(state.rows))
         history = _csv(state.rows)
         files.replace_text(self.path / "history.csv", history)
         arrays = {
@@ -155,14 +157,17 @@ class RunFolder:
         if best is not None:
             files.replace_text(self.path / "best.txt", best)
 
-    def finish(self, best: Mapping[str, Any], finalists: pd.DataFrame) -> None:
+    def finish(self, best: Mapping[str, Any], finalists: pd.DataFrame, front: pd.DataFrame) -> None:
         """Write the results.
 
         Raises:
             HarnessError: they cannot be written, or the run's folder is no longer there.
         """
         self._check_there()
-        files.replace_text(self.path / "finalists.csv", finalists.to_csv(index=False, lineterminator="\n"))
+        for name, table in (("finalists.csv", finalists), ("front.csv", front)):
+            files.replace_text(self.path / name, table.to_csv(index=False, lineterminator="\n"))
+        for row in front.itertuples():
+            files.replace_text(self.path / f"front-{row.length}.txt", str(row.program))
         files.replace_text(self.path / "best.txt", "\n".join(best["program"]) + "\n")
         files.replace_json(self.path / "best.json", best)
 

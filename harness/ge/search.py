@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +20,9 @@ from harness.ge import loop, parameter_file
 from harness.ge.defaults import grammar_for
 from harness.ge.fitness import ProgramFitness, check_language
 from harness.ge.folder import RunFolder, State, provenance
+from harness.ge.front import front
 from harness.ge.grammar import Grammar
+from harness.ge.hall import Hall
 from harness.ge.improvements import Improvements
 from harness.ge.parameters import LAMARCKIAN, Parameters, from_record
 from harness.ge.results import Best, Evolution
@@ -139,7 +141,10 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
     rivals: list[str] = []
     if folder:
         files.replace_text(folder.path / parameter_file.NAME, parameter_file.text(p, setup.domain.name))
-        folder.improvements = Improvements(folder.path, rows)
+    hall = fitness.hall = Hall(folder.path if folder else None, len(rows))
+    improvements = Improvements(folder.path if folder else None, rows)
+    if folder:
+        folder.entries = [improvements, hall]
     try:
         for generation in loop.evolve(setup.grammar, p, fitness, first, start, _refiner(setup, fitness), past):
             if generation.number == p.generations:
@@ -147,7 +152,8 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
             if generation.number == len(rows):  # a checkpoint's own generation has its row
                 now = time.monotonic()
                 rows.append(_row(setup, fitness, generation, now - begun))
-                _see(folder, fitness, generation, rows[-1])
+                if (best := generation.best()) is not None:
+                    improvements.see(rows[-1], fitness.compile(best))
                 last, begun = generation, now
                 watch(rows[-1])
             last = generation
@@ -158,13 +164,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         if folder and last:
             _save(folder, fitness, last, rows[: last.number + 1])
     assert last is not None
-    return _finish(setup, fitness, last, rivals, pd.DataFrame(rows), folder)
-
-
-def _see(folder: RunFolder | None, fitness: ProgramFitness, generation: loop.Generation, row: dict[str, Any]) -> None:
-    best = generation.best()
-    if folder and folder.improvements and best is not None:
-        folder.improvements.see(row, fitness.compile(best))
+    return _finish(setup, fitness, last, (rivals, hall.programs()), pd.DataFrame(rows), folder)
 
 
 def _refiner(setup: Setup, fitness: ProgramFitness) -> loop.Refine | None:
@@ -238,30 +238,22 @@ def _finish(
     setup: Setup,
     fitness: ProgramFitness,
     last: loop.Generation,
-    rivals: list[str],
+    kept: tuple[list[str], list[str]],
     history: pd.DataFrame,
     folder: RunFolder | None,
 ) -> Evolution:
     """Compare the best programs of the last generation, and their rivals with tuned constants, on new episodes; score
-    the winner on fresh ones."""
+    the winner on fresh ones. Those of the hall of fame are compared with them for the front alone: ``kept`` are rivals
+    and hall."""
     p = setup.parameters
     by_text = _different(fitness, last)
     if not by_text:
         raise HarnessError("no individual of the last generation is valid; allow wraps, or more codons")
+    rivals, hall = kept
     texts = list(dict.fromkeys([*list(by_text)[: p.finalists], *rivals]))
-    programs = [fitness.compile(text) for text in texts]
-    judged = fitness.judge(programs, (p.generations + 1) * p.episodes, p.validation_episodes)
-    validation = fitness.penalized(programs, judged.means)
-    finalists = pd.DataFrame(
-        {
-            "fitness": [by_text.get(text, np.nan) for text in texts],
-            "validation": validation,
-            "validation_sem": judged.sems,
-            "length": [program.length for program in programs],
-            "program": texts,
-        }
-    ).sort_values("validation", ascending=False, kind="stable", ignore_index=True)
-    winner = programs[int(validation.argmax())]
+    finalists = _compared(fitness, texts, by_text)
+    compared = pd.concat([finalists, _compared(fitness, [text for text in hall if text not in texts], by_text)])
+    winner = fitness.compile(str(finalists["program"][0]))
     result = evaluate(
         setup.domain.shaped("none"),
         ProgramPolicy(winner),
@@ -271,10 +263,25 @@ def _finish(
         engine=setup.engine,
         workers=setup.workers,
     )
-    best = Best(winner, by_text.get(winner.text, math.nan), float(validation.max()), result.score)
+    best = Best(winner, by_text.get(winner.text, math.nan), float(finalists["validation"][0]), result.score)
+    found = Evolution(setup.domain.name, p, history, finalists, front(compared), best)
     if folder:
-        folder.finish(_record(setup, best), finalists)
-    return Evolution(setup.domain.name, p, history, finalists, best)
+        folder.finish(_record(setup, best), finalists, found.front)
+    return found
+
+
+def _compared(fitness: ProgramFitness, texts: Sequence[str], by_text: Mapping[str, float]) -> pd.DataFrame:
+    """Programs judged on episodes that no generation has seen, the best first."""
+    p, programs = fitness.parameters, [fitness.compile(text) for text in texts]
+    judged = fitness.judge(programs, (p.generations + 1) * p.episodes, p.validation_episodes)
+    rows = {
+        "fitness": [by_text.get(text, np.nan) for text in texts],
+        "validation": fitness.penalized(programs, judged.means),
+        "validation_sem": judged.sems,
+        "length": [program.length for program in programs],
+        "program": list(texts),
+    }
+    return pd.DataFrame(rows).sort_values("validation", ascending=False, kind="stable", ignore_index=True)
 
 
 def _record(setup: Setup, best: Best) -> dict[str, Any]:
