@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from harness.expectation.forward import exact
     from harness.expectation.sums import Exact, Interval
     from harness.formats import from_arrays, write_model
+    from harness.ge.defaults import grammar
     from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
     from harness.model.domain import Domain
@@ -79,6 +80,7 @@ __all__ = [
     "exact",
     "from_arrays",
     "from_model",
+    "grammar",
     "literature",
     "load",
     "names",
@@ -129,6 +131,7 @@ _HOME = {
     "exact": "expectation.forward",
     "from_arrays": "formats",
     "from_model": "bridge",
+    "grammar": "ge.defaults",
     "literature": "score.literature",
     "load": "registry",
     "names": "registry",
