@@ -15,6 +15,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from typing import Any
 
+    from harness.benchmark.suite import Suite, suite
     from harness.bridge import from_model
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
     from harness.reproduction import reproduce
-    from harness.score.aggregation import aggregate
+    from harness.score.aggregation import aggregate, coverage
     from harness.score.comparison import compare
     from harness.score.literature import literature
     from harness.score.rendering import render
@@ -64,6 +65,7 @@ __all__ = [
     "PolicyError",
     "Score",
     "SnapshotError",
+    "Suite",
     "Tunable",
     "aggregate",
     "check_domain",
@@ -72,6 +74,7 @@ __all__ = [
     "cluster",
     "compare",
     "compare_figure",
+    "coverage",
     "draw_beliefs",
     "draw_episode",
     "draw_layout",
@@ -89,6 +92,7 @@ __all__ = [
     "reproduce",
     "resume",
     "solve",
+    "suite",
     "sweep",
     "sweep_figure",
     "tune",
@@ -115,6 +119,7 @@ _HOME = {
     "PolicyError": "errors",
     "Score": "play.evaluation",
     "SnapshotError": "errors",
+    "Suite": "benchmark.suite",
     "Tunable": "tuning",
     "aggregate": "score.aggregation",
     "check_domain": "play.conformance",
@@ -123,6 +128,7 @@ _HOME = {
     "cluster": "play.cluster",
     "compare": "score.comparison",
     "compare_figure": "show.figures",
+    "coverage": "score.aggregation",
     "draw_beliefs": "show.figures",
     "draw_episode": "show.figures",
     "draw_layout": "show.figures",
@@ -140,6 +146,7 @@ _HOME = {
     "reproduce": "reproduction",
     "resume": "ge.runs",
     "solve": "solver.solving",
+    "suite": "benchmark.suite",
     "update_scores": "regression.checking",
     "sweep": "tuning",
     "sweep_figure": "tuning.figures",

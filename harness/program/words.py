@@ -163,7 +163,7 @@ def can_say(word: str) -> bool:
 
 
 def in_quotes(label: str) -> str | None:
-    """A reading's label as a program says it; None where none can, for blanks in a row or quotes of both kinds in it."""
+    """A reading's label as a program says it; None where none can: blanks in a row, or quotes of both kinds."""
     if " ".join(label.split()) != label or ('"' in label and "'" in label):
         return None
     return f"'{label}'" if '"' in label else f'"{label}"'
