@@ -15,12 +15,14 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from typing import Any
 
+    from harness.benchmark.suite import Suite, suite
     from harness.bridge import from_model
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
     from harness.expectation.forward import exact
     from harness.expectation.sums import Exact, Interval
     from harness.formats import from_arrays, write_model
+    from harness.ge.defaults import grammar
     from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
     from harness.ge.simplifying import simplify
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
     from harness.reproduction import reproduce
-    from harness.score.aggregation import aggregate
+    from harness.score.aggregation import aggregate, coverage
     from harness.score.comparison import compare
     from harness.score.literature import literature
     from harness.score.rendering import render
@@ -64,6 +66,7 @@ __all__ = [
     "PolicyError",
     "Score",
     "SnapshotError",
+    "Suite",
     "Tunable",
     "aggregate",
     "check_domain",
@@ -72,6 +75,7 @@ __all__ = [
     "cluster",
     "compare",
     "compare_figure",
+    "coverage",
     "draw_beliefs",
     "draw_episode",
     "draw_layout",
@@ -80,6 +84,7 @@ __all__ = [
     "exact",
     "from_arrays",
     "from_model",
+    "grammar",
     "literature",
     "load",
     "names",
@@ -89,6 +94,7 @@ __all__ = [
     "resume",
     "simplify",
     "solve",
+    "suite",
     "sweep",
     "sweep_figure",
     "tune",
@@ -115,6 +121,7 @@ _HOME = {
     "PolicyError": "errors",
     "Score": "play.evaluation",
     "SnapshotError": "errors",
+    "Suite": "benchmark.suite",
     "Tunable": "tuning",
     "aggregate": "score.aggregation",
     "check_domain": "play.conformance",
@@ -123,6 +130,7 @@ _HOME = {
     "cluster": "play.cluster",
     "compare": "score.comparison",
     "compare_figure": "show.figures",
+    "coverage": "score.aggregation",
     "draw_beliefs": "show.figures",
     "draw_episode": "show.figures",
     "draw_layout": "show.figures",
@@ -131,6 +139,7 @@ _HOME = {
     "exact": "expectation.forward",
     "from_arrays": "formats",
     "from_model": "bridge",
+    "grammar": "ge.defaults",
     "literature": "score.literature",
     "load": "registry",
     "names": "registry",
@@ -140,6 +149,7 @@ _HOME = {
     "resume": "ge.runs",
     "simplify": "ge.simplifying",
     "solve": "solver.solving",
+    "suite": "benchmark.suite",
     "update_scores": "regression.checking",
     "sweep": "tuning",
     "sweep_figure": "tuning.figures",

@@ -1,4 +1,4 @@
-"""``evolve``: grammatical evolution."""
+"""``evolve``: grammatical evolution; ``grammar``: what it searches."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ def register(commands: Any) -> None:
     """Add the command to the parser."""
     evolve = commands.add_parser("evolve", help="evolve a program by grammatical evolution")
     domain_argument(evolve, resumable=True)
-    evolve.add_argument("--grammar", metavar="FILE", help="a BNF file or a shipped grammar (default: the paper's)")
+    evolve.add_argument(
+        "--grammar", metavar="FILE", help="a BNF file or a shipped grammar (default: as harness grammar)"
+    )
     evolve.add_argument("--out", type=Path, metavar="DIR", help="folder for the run's files, needed for a new run")
     evolve.add_argument("--resume", type=Path, metavar="DIR", help="go on with a run (with --generations: for longer)")
     evolve.add_argument(
@@ -42,6 +44,22 @@ def register(commands: Any) -> None:
         metavar = "WORD" if kind is str else "N"
         group.add_argument(option, type=kind, metavar=metavar, help=f"{help_text}{choices}; default {f.default}")
     evolve.set_defaults(run=_evolve)
+
+    grammar = commands.add_parser(
+        "grammar",
+        help="print the grammar of a domain's programs",
+        description="Print the grammar of a domain's programs as BNF, which evolve --grammar FILE takes: the one that "
+        "was written by hand where there is one, else one derived from the domain's actions, readings and features.",
+    )
+    domain_argument(grammar)
+    grammar.add_argument("--feedback", action="store_true", help="with blocks, loops and joined conditions")
+    grammar.set_defaults(run=_grammar)
+
+
+def _grammar(options: argparse.Namespace) -> None:
+    from harness.ge import defaults
+
+    print(defaults.grammar(options.domain, feedback=options.feedback), end="")
 
 
 def _evolve(options: argparse.Namespace) -> None:

@@ -19,6 +19,7 @@ from harness.program.words import (
     VISIBLE,
     WHILE,
     Words,
+    in_quotes,
 )
 
 
@@ -109,9 +110,9 @@ def _test(program: _Compiled, pc: int) -> str:
     words, line = program.words, program.code[pc]
     op, arg, value = int(line["op"]), int(line["arg"]), float(line["value"])
     if op == REGISTER:
-        return f'{_spelling(words.checks, arg)} == "{_spelling(words.labels, int(value))}"'
+        return f"{_spelling(words.checks, arg)} == {in_quotes(_spelling(words.labels, int(value)))}"
     if op == READING and arg == 1:
-        return f'{words.reading} == "{_spelling(words.labels, int(value))}"'
+        return f"{words.reading} == {in_quotes(_spelling(words.labels, int(value)))}"
     left = {READING: lambda: words.reading, VISIBLE: lambda: _spelling(words.visible, arg)}.get(
         op, lambda: _spelling(words.beliefs, arg)
     )()

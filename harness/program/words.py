@@ -32,6 +32,10 @@ def instruction(op: int, arg: int = 0, jump: int = 0, compare: int = 0, value: f
     return _PACKED.pack(op, compare, arg, jump, value)
 
 
+KEYWORDS = ("if", "else", "while", "and", "or", "not", "loop")
+CALL = r"[A-Za-z_][\w-]*[ \t]*\([\d,\s]*\)"
+"""What an operation or a quantity looks like in a program."""
+
 _TEST = re.compile(
     r"(?P<left>.+?)\s*(?P<compare>==|<|>)\s*(?:(?P<number>\d+(?:\.\d+)?)|\"(?P<double>.*)\"|'(?P<single>.*)'|(?P<bare>\S+))",
     re.DOTALL,
@@ -47,7 +51,8 @@ class Words:
 
     domain: Domain
     actions: dict[str, int]
-    """An operation and its action index: ``up()``, ``check(3)``."""
+    """An operation and its action index: ``up()``, ``check(3)``; ``action(2)`` is the second one of a domain whose name
+    no program can say."""
     beliefs: dict[str, int]
     """A belief feature and its column in the marginals: ``belief(3)``."""
     visible: dict[str, int]
@@ -124,11 +129,6 @@ class Words:
 
 def words_of(domain: Domain) -> Words:
     """The words of a domain's actions, belief features, visible part and observations."""
-    actions = {}
-    for i, name in enumerate(domain.actions):
-        actions[_tight(name)] = i
-        if name.isidentifier():
-            actions[f"{name}()"] = i
     registers: dict[str, int] = {}
     register = np.full(domain.n_actions, -1, dtype=np.int16)
     for i, name in enumerate(domain.actions):
@@ -136,7 +136,7 @@ def words_of(domain: Domain) -> Words:
             register[i] = registers.setdefault(check[1], len(registers))
     return Words(
         domain,
-        actions,
+        _operations(domain.actions),
         {name: int(column) for (name, _, _), column in zip(domain.features, domain.feature_columns, strict=True)},
         {f"{name}()": i for i, name in enumerate(domain.visible_names)},
         _READING_WORDS.get(domain.layout["kind"], "reading()"),
@@ -145,6 +145,28 @@ def words_of(domain: Domain) -> Words:
         np.array([_number(label) for label in domain.observations]),
         register,
     )
+
+
+def _operations(names: Iterable[str]) -> dict[str, int]:
+    """What each action is called, the last spelling of an index being one that programs can say."""
+    found = {_tight(name): i for i, name in enumerate(names)}
+    for name, i in list(found.items()):
+        if not can_say(name):
+            called = f"{name}()"
+            found.setdefault(called if can_say(called) and called not in found else f"action({i + 1})", i)
+    return found
+
+
+def can_say(word: str) -> bool:
+    """Whether a program can have a word as an operation, or compare it."""
+    return re.fullmatch(CALL, word) is not None and word.partition("(")[0] not in KEYWORDS
+
+
+def in_quotes(label: str) -> str | None:
+    """A reading's label as a program says it; None where none can: blanks in a row, or quotes of both kinds."""
+    if " ".join(label.split()) != label or ('"' in label and "'" in label):
+        return None
+    return f"'{label}'" if '"' in label else f'"{label}"'
 
 
 def _tight(text: str) -> str:

@@ -31,6 +31,14 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Domains:
+    """A comparison table of several domains, of which each has a :class:`Table` too."""
+
+    name: str
+    frame: pd.DataFrame
+
+
+@dataclass(frozen=True)
 class Run:
     """One run of evolution, finished or not."""
 
@@ -82,11 +90,11 @@ class Sweep:
     frame: pd.DataFrame
 
 
-Input = Table | Run | Runs | Tuning | Sweep
+Input = Domains | Table | Run | Runs | Tuning | Sweep
 
 
 def read(path: Path) -> list[Input]:
-    """What lies at a path; a comparison of several domains is one table for each.
+    """What lies at a path; a comparison of several domains is one table of them all, and one for each.
 
     Raises:
         HarnessError: there is nothing, nothing known, or something damaged; the message names it.
@@ -98,7 +106,8 @@ def read(path: Path) -> list[Input]:
         raise HarnessError(f"{path}: no such file or folder; expected {records.EXPECTED}")
     frame = records.table(path)
     if set(COLUMNS) <= set(frame.columns):
-        return [Table(name, part.reset_index(drop=True)) for part in _comparisons(frame, path)]
+        tables = [Table(name, part.reset_index(drop=True)) for part in _comparisons(frame, path)]
+        return [*([Domains(name, pd.concat([t.frame for t in tables]))] if len(tables) > 1 else []), *tables]
     if _is_sweep(frame):
         return [Sweep(name, _sweep(frame, path))]
     raise records.unknown(path)
