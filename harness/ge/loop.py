@@ -48,6 +48,20 @@ Refine = Callable[[Sequence[Parent], int], tuple[list[Learnt], int]]
 """(valid individuals, generation) -> what each has learnt, and what that cost. A function of its arguments."""
 
 
+class Lesson(NamedTuple):
+    """That the best individuals learn from time to time."""
+
+    learn: Refine
+    best: int
+    """How many phenotypes learn."""
+    every: int
+    """Generations from one time to the next."""
+
+
+Mutate = Callable[[Grammar, Parent, float, int, np.random.Generator], Codons]
+"""(grammar, parent, probability, codon size, generator) -> the codons of a child."""
+
+
 class Generation(NamedTuple):
     """A population after its evaluation."""
 
@@ -91,37 +105,40 @@ def evolve(
     fitness: Fitness,
     population: Sequence[Codons],
     start: int = 0,
-    refine: Refine | None = None,
+    lessons: Sequence[Lesson] = (),
+    mutate: Mutate | None = None,
 ) -> Iterator[Generation]:
     """Yield every evaluated generation from ``start``, whose population is given, to ``p.generations``.
 
     In the generational scheme the elites and the children of selected parents replace everybody; elites are
     evaluated anew like the others, so that a lucky fitness does not last. In the steady-state scheme two children at
-    a time replace the two worst, if they are better. With ``refine`` the best ``p.refine`` phenotypes of every
-    ``p.refine_every``-th generation learn before they breed.
+    a time replace the two worst, if they are better. With ``lessons`` the best phenotypes learn before they breed, in
+    this order. ``mutate`` stands in for the mutation that ``p`` names.
     """
+    mutate = mutate or MUTATIONS[p.mutation]
     generation = _evaluate(grammar, p, fitness, population, start)
     while True:
-        if refine and p.refine_every and generation.number and generation.number % p.refine_every == 0:
-            generation = _refined(grammar, p, fitness, refine, generation)
+        for lesson in lessons:
+            if generation.number and generation.number % lesson.every == 0:
+                generation = _taught(grammar, p, fitness, lesson, generation)
         yield generation
         if generation.number >= p.generations:
             return
         cost = 0
         if p.replacement == "steady-state":
-            population, cost = _steady_state(grammar, p, fitness, generation)
+            population, cost = _steady_state(grammar, p, fitness, generation, mutate)
         else:
-            population = next_population(grammar, p, generation)
+            population = next_population(grammar, p, generation, mutate)
         generation = _evaluate(grammar, p, fitness, population, generation.number + 1)
         generation = generation._replace(cost=generation.cost + cost)
 
 
-def _refined(grammar: Grammar, p: Parameters, fitness: Fitness, refine: Refine, generation: Generation) -> Generation:
+def _taught(grammar: Grammar, p: Parameters, fitness: Fitness, lesson: Lesson, generation: Generation) -> Generation:
     """Let the best learn; they are judged anew by the generation's own episodes, like everybody."""
     known = generation.ranking()
-    best = list(known)[: p.refine]
+    best = list(known)[: lesson.best]
     chosen = [i for i, text in enumerate(generation.phenotypes) if text in best]
-    learnt, cost = refine([generation.individuals[i] for i in chosen], generation.number)
+    learnt, cost = lesson.learn([generation.individuals[i] for i in chosen], generation.number)
     different = [text for text in dict.fromkeys(new.phenotype for new in learnt) if text not in known]
     evaluated = fitness(different, generation.number)
     by_text = known | dict(zip(different, evaluated.fitness.tolist(), strict=True))
@@ -141,19 +158,19 @@ def _refined(grammar: Grammar, p: Parameters, fitness: Fitness, refine: Refine, 
     )
 
 
-def next_population(grammar: Grammar, p: Parameters, generation: Generation) -> list[Codons]:
+def next_population(grammar: Grammar, p: Parameters, generation: Generation, mutate: Mutate) -> list[Codons]:
     """Elites, and children of parents that won tournaments."""
     rng = _generator(p, generation.number + 1)
     order = np.argsort(-generation.fitness, kind="stable")
     population = [generation.individuals[i].codons for i in order[: p.elites]]
     parents = tournament(generation.fitness, p.tournament, p.population + p.population % 2, rng)
     for i, j in parents.reshape(-1, 2):
-        population += _children(grammar, p, generation.individuals[i], generation.individuals[j], rng)
+        population += _children(grammar, p, generation.individuals[i], generation.individuals[j], mutate, rng)
     return population[: p.population]
 
 
 def _steady_state(
-    grammar: Grammar, p: Parameters, fitness: Fitness, generation: Generation
+    grammar: Grammar, p: Parameters, fitness: Fitness, generation: Generation, mutate: Mutate
 ) -> tuple[list[Codons], int]:
     """As many children as there are individuals, two at a time, all judged by the generation's episodes; and the cost
     of judging them."""
@@ -162,7 +179,7 @@ def _steady_state(
     cost = 0
     for _ in range(p.population // 2):
         i, j = tournament(scores, p.tournament, 2, rng)
-        children = _children(grammar, p, individuals[i], individuals[j], rng)
+        children = _children(grammar, p, individuals[i], individuals[j], mutate, rng)
         born = _evaluate(grammar, p, fitness, children, generation.number)
         cost += born.cost
         worst = np.argsort(scores, kind="stable")[:2]
@@ -172,11 +189,12 @@ def _steady_state(
     return [individual.codons for individual in individuals], cost
 
 
-def _children(grammar: Grammar, p: Parameters, a: Parent, b: Parent, rng: np.random.Generator) -> list[Codons]:
+def _children(
+    grammar: Grammar, p: Parameters, a: Parent, b: Parent, mutate: Mutate, rng: np.random.Generator
+) -> list[Codons]:
     pair = a.codons, b.codons
     if rng.random() < p.crossover_probability:
         pair = CROSSOVERS[p.crossover](a, b, rng)
-    mutate = MUTATIONS[p.mutation]
     children = []
     for codons in pair:
         child = codons[: p.max_codons]

@@ -40,13 +40,18 @@ class Played(NamedTuple):
     """What became of P programs in E episodes."""
 
     returns: NDArray[np.float64]
-    """(P, E) undiscounted, of the domain's shaping."""
+    """(P, E) of the domain's shaping."""
     steps: NDArray[np.int64]
     """(P,) environment steps in all episodes together."""
 
 
 def play(
-    domain: Domain, programs: Sequence[Program], episodes: Episodes, engine: str = "tables", workers: int = 1
+    domain: Domain,
+    programs: Sequence[Program],
+    episodes: Episodes,
+    engine: str = "tables",
+    workers: int = 1,
+    discount: float = 1.0,
 ) -> Played:
     """Play every program in every episode.
 
@@ -56,36 +61,42 @@ def play(
         episodes: which episodes; all programs meet the same random numbers.
         engine: ``tables`` or ``julia``.
         workers: threads of the tables engine; the numbers do not depend on it.
+        discount: what a reward loses with every step.
     """
     host.check_memory(*memory(domain, len(programs), episodes.size, episodes.horizon))
     away = executor.current() if engine == "tables" else None
     if engine == "julia":
-        return _play_in_lockstep(domain, programs, episodes)
+        return _play_in_lockstep(domain, programs, episodes, discount)
     if not programs:
         return Played(np.zeros((0, episodes.size)), np.zeros(0, dtype=np.int64))
     if away is not None and len(programs) * episodes.size > _WORTH:
-        return _play_away(away, domain, programs, episodes)
-    return _play_compiled(domain, _registers(programs[0].words), episodes, executor.threads(workers), _codes(programs))
+        return _play_away(away, domain, programs, episodes, discount)
+    registers = _registers(programs[0].words)
+    return _play_compiled(domain, registers, episodes, discount, executor.threads(workers), _codes(programs))
 
 
 _WORTH = 50_000  # episodes of programs that are worth the way to another machine: some tenths of a second
 
 
-def _play_away(workers: Workers, domain: Domain, programs: Sequence[Program], episodes: Episodes) -> Played:
+def _play_away(
+    workers: Workers, domain: Domain, programs: Sequence[Program], episodes: Episodes, discount: float
+) -> Played:
     """The same on the workers of :func:`harness.cluster`, so many programs a time."""
     size = max(1, _WORTH // episodes.size)
     items = [(i, _codes(programs[i : i + size])) for i in range(0, len(programs), size)]
     played = Played(np.empty((len(programs), episodes.size)), np.empty(len(programs), dtype=np.int64))
     for (i, _), part in executor.each(
-        workers, _part, items, domain, _registers(programs[0].words), episodes,
+        workers, _part, items, domain, _registers(programs[0].words), episodes, discount,
         name=lambda item: f"the programs from number {item[0]:,} on, on {domain.name}",
     ):  # fmt: skip
         played.returns[i : i + size], played.steps[i : i + size] = part
     return played
 
 
-def _part(domain: Domain, registers: _Registers, episodes: Episodes, item: tuple[int, _Codes]) -> Played:
-    return _play_compiled(domain, registers, episodes, 1, item[1])
+def _part(
+    domain: Domain, registers: _Registers, episodes: Episodes, discount: float, item: tuple[int, _Codes]
+) -> Played:
+    return _play_compiled(domain, registers, episodes, discount, 1, item[1])
 
 
 class _Registers(NamedTuple):
@@ -128,7 +139,9 @@ def memory(domain: Domain, programs: int, episodes: int, horizon: int) -> tuple[
 _COLUMNS = 12  # numbers of 8 bytes that an episode takes besides its returns, random numbers and belief
 
 
-def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, workers: int, programs: _Codes) -> Played:
+def _play_compiled(
+    domain: Domain, registers: _Registers, episodes: Episodes, discount: float, workers: int, programs: _Codes
+) -> Played:
     count = len(programs.lengths)
     played = Played(np.zeros((count, episodes.size)), np.zeros(count, dtype=np.int64))
     last = np.cumsum(programs.lengths)
@@ -143,6 +156,7 @@ def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, wo
         _play(
             domain.tables,
             u,
+            discount,
             start.visible,
             start.values,
             start.observation,
@@ -174,20 +188,23 @@ def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, wo
 _CHUNK = 16  # programs a task: programs differ in length, so the threads take several small tasks
 
 
-def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Episodes) -> Played:
+def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Episodes, discount: float) -> Played:
     """The same through the engine contract, step by step."""
     played = Played(np.zeros((len(programs), episodes.size)), np.zeros(len(programs), dtype=np.int64))
     for p, program in enumerate(programs):
-        played.steps[p] = _lockstep(domain, program, episodes, played.returns[p])
+        played.steps[p] = _lockstep(domain, program, episodes, discount, played.returns[p])
     return played
 
 
-def _lockstep(domain: Domain, program: Program, episodes: Episodes, returns: NDArray[np.float64]) -> int:
+def _lockstep(
+    domain: Domain, program: Program, episodes: Episodes, discount: float, returns: NDArray[np.float64]
+) -> int:
     """Adds up the returns; the number of environment steps."""
-    policy, steps = ProgramPolicy(program), 0
+    policy, steps, weight = ProgramPolicy(program), 0, 1.0
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
         if record.actions is not None:
-            returns[record.active] += record.rewards[record.active]
+            returns[record.active] += weight * record.rewards[record.active]
+            weight *= discount
             steps += int(record.active.sum())
     return steps
 
@@ -196,6 +213,7 @@ def _lockstep(domain: Domain, program: Program, episodes: Episodes, returns: NDA
 def _play(
     t: Tables,
     u: NDArray[np.float64],
+    discount: float,
     start_visible: NDArray[np.int32],
     start_values: NDArray[np.int16],
     start_observation: NDArray[np.int32],
@@ -230,7 +248,7 @@ def _play(
             if track:
                 for j in range(marginals.shape[1]):
                     marginals[0, j] = start_marginals[e, j]
-            place, total = 0, 0.0
+            place, total, weight = 0, 0.0, 1.0
             step = 1
             while step < u.shape[1] and not done:
                 a, place = next_action(
@@ -245,7 +263,8 @@ def _play(
                     k = choices[va].factor
                     if k >= 0:
                         values[0, k] = outcomes[i].value
-                    total += outcomes[i].reward
+                    total += weight * outcomes[i].reward
+                    weight *= discount
                     steps[p] += 1
                     v = outcomes[i].visible
                     done = outcomes[i].ends
