@@ -15,7 +15,7 @@ from harness.expectation.forward import exact
 from harness.expectation.programs import expected
 from harness.ge.grammar import Grammar, GrammarError
 from harness.ge.initialisation import GROW, tree
-from harness.ge.loop import Evaluated
+from harness.ge.loop import Evaluated, rows_of
 from harness.ge.mapping import derive
 from harness.ge.parameters import AUTO, DISCOUNTED, SAMPLED, Parameters
 from harness.model.domain import Domain
@@ -43,6 +43,9 @@ class Judged(NamedTuple):
     """How many of them earn differently, in some episode or in expectation."""
     cost: int
     """Environment steps played and situations expanded."""
+    descriptors: NDArray[np.float64] | None = None
+    """(P, 3) different visible values seen, readings made and steps taken in an episode, each as a share of the most
+    that there can be; None where not all have been played."""
 
     @property
     def sems(self) -> list[float]:
@@ -67,9 +70,16 @@ class ProgramFitness:
         compiled = [self._compiled(text) for text in phenotypes]
         programs = [program for program in compiled if program is not None]
         judged = self.judge(programs, generation * p.episodes, p.episodes)
-        scores = np.full(len(compiled), -np.inf)
-        scores[[program is not None for program in compiled]] = self.penalized(programs, judged.means)
-        return Evaluated(scores, judged.behaviours, judged.cost)
+        known = np.array([program is not None for program in compiled], dtype=np.bool_)
+        at = np.where(known, np.cumsum(known) - 1, -1)
+        returns = np.reshape(judged.returns, (len(programs), p.episodes)) if p.uses_cases else None
+        return Evaluated(
+            rows_of(self.penalized(programs, judged.means), at),
+            judged.behaviours,
+            judged.cost,
+            None if returns is None else rows_of(self.penalized(programs, returns), at),
+            rows_of(judged.descriptors, at),
+        )
 
     def _compiled(self, text: str) -> Program | None:
         try:
@@ -84,7 +94,7 @@ class ProgramFitness:
     def judge(self, programs: Sequence[Program], first: int, count: int) -> Judged:
         """The programs' returns as the run's ``fitness`` has them: exact, or on episodes of the search."""
         if self.parameters.fitness == SAMPLED:
-            return _of_played(self.play(programs, first, count))
+            return self._judged(self.play(programs, first, count))
         return self._exactly(programs, first, count)
 
     def _exactly(self, programs: Sequence[Program], first: int, count: int) -> Judged:
@@ -95,7 +105,7 @@ class ProgramFitness:
         returns = [means[i : i + 1] for i in range(len(means))]
         wide = np.flatnonzero(np.isnan(means)).tolist()
         if auto and len(wide):
-            played = _of_played(self.play([programs[i] for i in wide], first, count))
+            played = self._judged(self.play([programs[i] for i in wide], first, count))
             means[wide], cost = played.means, cost + played.cost
             for i, row in zip(wide, played.returns, strict=True):
                 returns[i] = row
@@ -114,17 +124,19 @@ class ProgramFitness:
         """The programs in any episodes, under the shaping of the search."""
         return population.play(self.domain, programs, episodes, self.engine, self.workers, self.discount)
 
-    def penalized(self, programs: Sequence[Program], means: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean return − penalty·max(0, length − free length) of each program."""
+    def penalized(self, programs: Sequence[Program], returns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns of P programs, (P,) means or (P, E), − penalty·max(0, length − free length) of each program."""
         p = self.parameters
         excess = np.array([max(0, program.length - p.free_length) for program in programs])
-        return means - p.penalty * excess if len(excess) else np.zeros(0)
+        return (returns.T - p.penalty * excess).T if len(excess) else returns
 
-
-def _of_played(played: population.Played) -> Judged:
-    returns = played.returns
-    behaviours = len({row.tobytes() for row in returns})  # np.unique turns Ctrl-C into a TypeError
-    return Judged(returns.mean(axis=1), list(returns), behaviours, int(played.steps.sum()))
+    def _judged(self, played: population.Played) -> Judged:
+        returns = played.returns
+        behaviours = len({row.tobytes() for row in returns})  # np.unique turns Ctrl-C into a TypeError
+        horizon = self.parameters.horizon
+        most = np.array([min(self.domain.n_visible, horizon + 1), horizon, horizon]) * max(1, returns.shape[1])
+        descriptors = np.stack([played.visited, played.readings, played.steps], axis=1) / most
+        return Judged(returns.mean(axis=1), list(returns), behaviours, int(played.steps.sum()), descriptors)
 
 
 def check_language(grammar: Grammar, words: Words) -> None:

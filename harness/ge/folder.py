@@ -31,6 +31,7 @@ import pandas as pd
 from harness import files, host
 from harness.errors import HarnessError, SnapshotError
 from harness.ge.improvements import Improvements
+from harness.ge.loop import Past, no_past
 from harness.ge.mapping import Codons
 from harness.model import archive
 
@@ -49,6 +50,7 @@ class State(NamedTuple):
     generation: int
     population: list[Codons]
     rows: list[dict[str, Any]]
+    past: Past
 
 
 class RunFolder:
@@ -107,8 +109,8 @@ class RunFolder:
         if not path.exists():
             return None
         record, arrays = archive.read(path, CHECKPOINT, _MEND)
-        generation, population = record.get("generation"), _population(arrays)
-        if population is None or not isinstance(generation, int) or generation < 0:
+        generation, population, past = record.get("generation"), _population(arrays), _past(arrays)
+        if population is None or past is None or not isinstance(generation, int) or generation < 0:
             raise SnapshotError(f"{path}: holds no population; {_MEND}")
         lines = self._history(f"delete {path}, and the run starts anew").splitlines(keepends=True)[: generation + 2]
         if len(lines) < generation + 2:
@@ -123,7 +125,7 @@ class RunFolder:
             )
         self._written = generation + 1
         rows = [{name: _number(text) for name, text in row.items()} for row in csv.DictReader(lines)]
-        return State(generation, population, rows)
+        return State(generation, population, rows, past)
 
     def _history(self, mend: str) -> str:
         path = self.path / "history.csv"
@@ -145,6 +147,7 @@ class RunFolder:
         arrays = {
             "codons": np.concatenate(state.population),
             "lengths": np.array([len(codons) for codons in state.population]),
+            **state.past._asdict(),
         }
         record = {"generation": state.generation, "history": _sha256(history)}
         archive.write(self.path / "checkpoint.npz", CHECKPOINT, record, arrays)
@@ -237,6 +240,15 @@ def _population(arrays: archive.Arrays) -> list[Codons] | None:
     if lengths.max() > len(codons) or lengths.sum() != len(codons):
         return None
     return list(np.split(codons, np.cumsum(lengths)[:-1]))
+
+
+def _past(arrays: archive.Arrays) -> Past | None:
+    """What a checkpoint hands on beside its population, None where its arrays cannot hold that."""
+    nothing = no_past(len(arrays.get("lengths", ())))  # of folders of older versions
+    born, seen = arrays.get("born", nothing.born), arrays.get("seen", nothing.seen)
+    if born.dtype != np.int32 or born.shape != nothing.born.shape or seen.dtype != np.float64:
+        return None
+    return Past(born, seen) if seen.ndim == 2 and seen.shape[1] == nothing.seen.shape[1] else None
 
 
 def _csv(rows: Sequence[Mapping[str, Any]]) -> str:

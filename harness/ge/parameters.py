@@ -12,7 +12,8 @@ INITIALISATIONS = ("ramped", "pi-grow", "uniform")
 CROSSOVERS = ("one-point", "fixed-one-point", "subtree")
 MUTATIONS = ("per-codon", "per-genome", "subtree", "structural", "edits")
 EDITS = "edits"
-REPLACEMENTS = ("generational", "steady-state")
+TOURNAMENT, LEXICASE, NOVELTY, MAP_ELITES = SELECTIONS = ("tournament", "lexicase", "novelty", "map-elites")
+GENERATIONAL, _ = REPLACEMENTS = ("generational", "steady-state")
 SAMPLED, EXACT, AUTO = FITNESSES = ("sampled", "exact", "auto")
 RETURN, DISCOUNTED = OBJECTIVES = ("return", "discounted")
 NOWHERE, ANYWHERE, PAYING = WALKS = ("nowhere", "anywhere", "paying")
@@ -57,6 +58,14 @@ class Parameters:
     )
     max_codons: int = _parameter(2000, "longer genotypes are cut", least=1)
     tournament: int = _parameter(2, "individuals in a selection tournament", least=1)
+    selection: str = _parameter(TOURNAMENT, "of parents", SELECTIONS)
+    cases: float = _parameter(
+        1.0, "share of a generation's episodes that lexicase selection goes by, drawn anew each time", least=0, most=1
+    )
+    distinct: bool = _parameter(False, "of individuals that earn the same in every episode, only one breeds")
+    islands: int = _parameter(1, "groups that breed apart; their best migrate to the next", least=1)
+    layers: int = _parameter(1, "groups by age, the youngest of which begins anew (ALPS)", least=1)
+    epoch: int = _parameter(10, "generations from one migration, or one new youngest layer, to the next", least=1)
     elites: int = _parameter(1, "best individuals that pass on unchanged", least=0)
     crossover: str = _parameter("one-point", "of two parents", CROSSOVERS)
     crossover_probability: float = _parameter(0.75, "that two parents are crossed", least=0, most=1)
@@ -90,12 +99,38 @@ class Parameters:
             _check(f.name, getattr(self, f.name), f.default, f.metadata)
         if self.elites >= self.population:
             raise HarnessError(f"elites must be fewer than the population of {self.population}, not {self.elites}")
+        self._check_structure()
         if self.refine_every and not self.refine:
             raise HarnessError("refine_every needs refine, the number of programs whose constants are tuned")
         if self.walks != NOWHERE and self.mutation != EDITS and not self.local_search:
             raise HarnessError("walks are taken by edits: they need mutation edits, or local_search")
         for name in ("episodes", "max_codons", "tournament"):
             _check_together(self.population, name, getattr(self, name))
+
+    @property
+    def uses_cases(self) -> bool:
+        """Whether breeding needs the fitness in each episode."""
+        return self.fitness == SAMPLED and (self.selection == LEXICASE or self.distinct)
+
+    def _check_structure(self) -> None:
+        if self.selection != TOURNAMENT and self.fitness != SAMPLED:
+            raise HarnessError(
+                f"selection {self.selection} goes by single episodes, which fitness {self.fitness} does not play; "
+                f"take fitness {SAMPLED}, or selection {TOURNAMENT}"
+            )
+        groups = max(self.islands, self.layers)
+        if self.replacement != GENERATIONAL and (self.selection != TOURNAMENT or self.distinct or groups > 1):
+            raise HarnessError(
+                f"replacement {self.replacement} knows {TOURNAMENT} selection in one population only; "
+                f"take replacement {GENERATIONAL}"
+            )
+        if min(self.islands, self.layers) > 1:
+            raise HarnessError("a population has islands or layers, not both")
+        if groups > 1 and self.population // groups <= max(self.elites, 1):
+            raise HarnessError(
+                f"{groups} groups of a population of {self.population} are too small for {self.elites} elites each; "
+                "take fewer islands or layers, or a larger population"
+            )
 
 
 def from_record(record: dict[str, Any]) -> Parameters:

@@ -129,6 +129,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         raise HarnessError(f"the checkpoint in {folder.path} is of another run; start anew in another folder")
     rows = list(state.rows) if state else []
     start, first = (state.generation, state.population) if state else (0, loop.first_population(setup.grammar, p))
+    past = state.past if state else None
     for row in rows:
         watch(row)
     saved = begun = time.monotonic()
@@ -138,7 +139,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         files.replace_text(folder.path / parameter_file.NAME, parameter_file.text(p, setup.domain.name))
         folder.improvements = Improvements(folder.path, rows)
     try:
-        for generation in loop.evolve(setup.grammar, p, fitness, first, start, *_variation(setup, fitness)):
+        for generation in loop.evolve(setup.grammar, p, fitness, first, start, past, *_variation(setup, fitness)):
             if generation.number == p.generations:
                 generation, rivals = _with_rivals(p, fitness, generation)
             if generation.number == len(rows):  # a checkpoint's own generation has its row
@@ -197,7 +198,7 @@ def _different(fitness: ProgramFitness, last: loop.Generation) -> dict[str, floa
 
 def _save(folder: RunFolder, fitness: ProgramFitness, generation: loop.Generation, rows: list[dict[str, Any]]) -> None:
     best = generation.best()
-    state = State(generation.number, list(generation.population), rows)
+    state = State(generation.number, list(generation.population), rows, generation.past)
     folder.save(state, None if best is None else fitness.compile(best).text)
 
 

@@ -43,6 +43,19 @@ class Played(NamedTuple):
     """(P, E) of the domain's shaping."""
     steps: NDArray[np.int64]
     """(P,) environment steps in all episodes together."""
+    visited: NDArray[np.int64]
+    """(P,) different visible values that an episode has seen, added up over the episodes."""
+    readings: NDArray[np.int64]
+    """(P,) steps in all episodes together whose observation was not the domain's "none"."""
+
+    def part(self, chunk: slice) -> Played:
+        """That of some programs, a view."""
+        return Played(self.returns[chunk], self.steps[chunk], self.visited[chunk], self.readings[chunk])
+
+
+def _nothing(programs: int, episodes: int) -> Played:
+    """Of episodes that have not begun."""
+    return Played(np.zeros((programs, episodes)), *(np.zeros(programs, dtype=np.int64) for _ in range(3)))
 
 
 def play(
@@ -68,7 +81,7 @@ def play(
     if engine == "julia":
         return _play_in_lockstep(domain, programs, episodes, discount)
     if not programs:
-        return Played(np.zeros((0, episodes.size)), np.zeros(0, dtype=np.int64))
+        return _nothing(0, episodes.size)
     if away is not None and len(programs) * episodes.size > _WORTH:
         return _play_away(away, domain, programs, episodes, discount)
     registers = _registers(programs[0].words)
@@ -84,12 +97,13 @@ def _play_away(
     """The same on the workers of :func:`harness.cluster`, so many programs a time."""
     size = max(1, _WORTH // episodes.size)
     items = [(i, _codes(programs[i : i + size])) for i in range(0, len(programs), size)]
-    played = Played(np.empty((len(programs), episodes.size)), np.empty(len(programs), dtype=np.int64))
+    played = _nothing(len(programs), episodes.size)
     for (i, _), part in executor.each(
         workers, _part, items, domain, _registers(programs[0].words), episodes, discount,
         name=lambda item: f"the programs from number {item[0]:,} on, on {domain.name}",
     ):  # fmt: skip
-        played.returns[i : i + size], played.steps[i : i + size] = part
+        for whole, piece in zip(played, part, strict=True):
+            whole[i : i + size] = piece
     return played
 
 
@@ -143,7 +157,7 @@ def _play_compiled(
     domain: Domain, registers: _Registers, episodes: Episodes, discount: float, workers: int, programs: _Codes
 ) -> Played:
     count = len(programs.lengths)
-    played = Played(np.zeros((count, episodes.size)), np.zeros(count, dtype=np.int64))
+    played = _nothing(count, episodes.size)
     last = np.cumsum(programs.lengths)
     first = last - programs.lengths
     u = np.empty((episodes.size, episodes.horizon + 1))
@@ -163,6 +177,7 @@ def _play_compiled(
             start.done,
             start.marginals,
             domain.visible_values,
+            _none(domain),
             registers.of_action,
             registers.numbers,
             registers.n_registers,
@@ -171,8 +186,7 @@ def _play_compiled(
             last[chunk],
             programs.loops[chunk],
             programs.believe[chunk],
-            played.returns[chunk],
-            played.steps[chunk],
+            *played.part(chunk),
         )
 
     chunks = [slice(i, i + _CHUNK) for i in range(0, count, _CHUNK)]
@@ -188,25 +202,33 @@ def _play_compiled(
 _CHUNK = 16  # programs a task: programs differ in length, so the threads take several small tasks
 
 
+def _none(domain: Domain) -> int:
+    """The observation that tells nothing; −1 where each tells something."""
+    return domain.observations.index("none") if "none" in domain.observations else -1
+
+
 def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Episodes, discount: float) -> Played:
     """The same through the engine contract, step by step."""
-    played = Played(np.zeros((len(programs), episodes.size)), np.zeros(len(programs), dtype=np.int64))
+    played = _nothing(len(programs), episodes.size)
     for p, program in enumerate(programs):
-        played.steps[p] = _lockstep(domain, program, episodes, discount, played.returns[p])
+        _lockstep(domain, program, episodes, discount, played.part(slice(p, p + 1)))
     return played
 
 
-def _lockstep(
-    domain: Domain, program: Program, episodes: Episodes, discount: float, returns: NDArray[np.float64]
-) -> int:
-    """Adds up the returns; the number of environment steps."""
-    policy, steps, weight = ProgramPolicy(program), 0, 1.0
+def _lockstep(domain: Domain, program: Program, episodes: Episodes, discount: float, played: Played) -> None:
+    """Adds up what becomes of one program."""
+    weight = 1.0
+    policy, every, none = ProgramPolicy(program), np.arange(episodes.size), _none(domain)
+    visited = np.zeros((episodes.size, domain.n_visible), dtype=np.bool_)
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
+        visited[every, record.batch.visible] = True  # an episode that has ended stays where it is
         if record.actions is not None:
-            returns[record.active] += weight * record.rewards[record.active]
+            played.returns[0, record.active] += weight * record.rewards[record.active]
             weight *= discount
-            steps += int(record.active.sum())
-    return steps
+            played.steps[0] += int(record.active.sum())
+            told = record.batch.observation[record.active]
+            played.readings[0] += int(((told >= 0) & (told != none)).sum())
+    played.visited[0] = visited.sum()
 
 
 @compiled
@@ -220,6 +242,7 @@ def _play(
     start_done: NDArray[np.bool_],
     start_marginals: NDArray[np.float64],
     visible_values: NDArray[np.int16],
+    none: int,
     register: NDArray[np.int16],
     numbers: NDArray[np.float64],
     n_registers: int,
@@ -230,12 +253,15 @@ def _play(
     believes: NDArray[np.bool_],
     returns: NDArray[np.float64],
     steps: NDArray[np.int64],
+    visited: NDArray[np.int64],
+    readings: NDArray[np.int64],
 ) -> None:
     choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions
     reading_cdf, reading_probability, factor_offset = t.reading_cdf, t.reading_probability, t.factor_offset
     values = np.zeros((1, start_values.shape[1]), dtype=np.int16)
     marginals = np.zeros((1, start_marginals.shape[1]))
     registers = np.zeros((1, n_registers), dtype=np.int32)
+    met = np.full(len(visible_values), -1, dtype=np.int64)  # the last episode that has been there
     scratch = np.zeros(max(1, np.diff(factor_offset).max() if len(factor_offset) > 1 else 1))
     for p in range(len(firsts)):
         first, last, loop, track = firsts[p], lasts[p], loops[p], believes[p]
@@ -249,6 +275,9 @@ def _play(
                 for j in range(marginals.shape[1]):
                     marginals[0, j] = start_marginals[e, j]
             place, total, weight = 0, 0.0, 1.0
+            episode = p * u.shape[0] + e
+            met[v] = episode
+            visited[p] += 1
             step = 1
             while step < u.shape[1] and not done:
                 a, place = next_action(
@@ -268,6 +297,11 @@ def _play(
                     steps[p] += 1
                     v = outcomes[i].visible
                     done = outcomes[i].ends
+                    if met[v] != episode:
+                        met[v] = episode
+                        visited[p] += 1
+                    if o >= 0 and o != none:
+                        readings[p] += 1
                     if register[a] >= 0:
                         registers[0, register[a]] = o
                     if track and k >= 0:
