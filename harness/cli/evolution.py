@@ -32,7 +32,9 @@ def register(commands: Any) -> None:
     )
     evolve.add_argument("--allow-code", action="store_true", help="with --resume: load the file that the run is on")
     evolve.add_argument(
-        "--preset", metavar="WORD", help="parameters to begin with: paper (Table 2, the default) or best; others go before it"
+        "--preset",
+        metavar="WORD",
+        help="parameters to begin with: paper (Table 2, the default) or best; others go before it",
     )
     group = evolve.add_argument_group("parameters of the run (defaults: the paper's Table 2 where it gives one)")
     for f in fields(Parameters):
@@ -91,7 +93,9 @@ def _evolve(options: argparse.Namespace) -> None:
 def _refuse_changes(options: argparse.Namespace, given: dict[str, Any]) -> None:
     changed = [name for name in given if name != "generations"]
     changed += [
-        name for name in ("domain", "grammar", "out", "engine", "preset", "parameters") if getattr(options, name) is not None
+        name
+        for name in ("domain", "grammar", "out", "engine", "preset", "parameters")
+        if getattr(options, name) is not None
     ]
     changed += ["runs"] if options.runs != 1 else []
     if changed:

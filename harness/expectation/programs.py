@@ -61,8 +61,8 @@ def expected(
     def run(chunk: slice) -> None:
         _expect(
             domain.tables, key, mass, domain.visible_values, words.register, words.numbers, len(words.checks),
-            factor_of, len(domain.factors), reached, horizon, room, discount, code, (last - lengths)[chunk], last[chunk],
-            loop[chunk], found.returns[chunk], found.situations[chunk],
+            factor_of, len(domain.factors), reached, horizon, room, discount, code,
+            (last - lengths)[chunk], last[chunk], loop[chunk], found.returns[chunk], found.situations[chunk],
         )  # fmt: skip
 
     chunks = [slice(i, i + _CHUNK) for i in range(0, len(programs), _CHUNK)]

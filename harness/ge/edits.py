@@ -20,7 +20,7 @@ from harness.ge.mapping import Codons, derive
 from harness.ge.moves import Moves, Pay
 from harness.ge.operators import Parent, fresh, replaced
 from harness.ge.parameters import NOWHERE, PAYING, Parameters
-from harness.ge.statements import Listing, listings, put, shapes
+from harness.ge.statements import Listing, Shape, listings, put, shapes
 from harness.ge.tour import Stop
 from harness.ge.vocabulary import Vocabulary
 from harness.model.domain import Domain
@@ -68,23 +68,55 @@ class Editor:
         lists = listings(self._shapes, a)
         if not lists:
             return replaced(self.grammar, a, self.codon_size, rng)
-        if self.moves is not None and rng.random() < _TOURS:
+        whole = lists[0].end == a.used
+        if self.moves is not None and whole and rng.random() < _TOURS:
             items = self._tour(self.moves, lists[0], rng)
-            if items:
-                return put(a.codons, lists[0], items)
+            codons = put(a.codons, lists[0], items) if items else a.codons
+            if not np.array_equal(codons, a.codons):  # as where a grammar has no statements that are moves
+                return codons
         return self._statements(a, lists, rng)
 
     def _statements(self, a: Parent, lists: Sequence[Listing], rng: Rng) -> Codons:
         sizes = np.cumsum([len(each.items) for each in lists])
         listing = lists[int(np.searchsorted(sizes, rng.integers(sizes[-1]), side="right"))]
-        kind = int(rng.integers(len(_STATEMENT_EDITS) + 1))
-        if kind == len(_STATEMENT_EDITS):
+        blocks, simple = self._vocabulary(listing.shape.item).compound, len(_STATEMENT_EDITS)
+        kind = int(rng.integers(simple + (3 if blocks else 1)))
+        if kind == simple:
             return replaced(self.grammar, a, self.codon_size, rng)
+        if kind > simple:
+            edit = self._wrapped if kind == simple + 1 else self._unwrapped
+            return put(a.codons, listing, edit(listing, rng))
 
         def make() -> Codons:
             return fresh(self.grammar, listing.shape.item, self.codon_size, rng)
 
         return put(a.codons, listing, _STATEMENT_EDITS[kind](list(listing.items), make, rng))
+
+    def _wrapped(self, listing: Listing, rng: Rng) -> Sequence[Codons]:
+        """A run of statements becomes the block of a compound one, after a reading that its condition asks for."""
+        vocabulary = self._vocabulary(listing.shape.item)
+        begin, end = _run(len(listing.items), rng)
+        item = _one(vocabulary.compound, rng)
+        blocks = self._blocks(listing.shape, item)
+        if not blocks:
+            return listing.items
+        block = put(item, _one(blocks, rng), listing.items[begin:end])
+        asked = vocabulary.meaning(item).registers
+        telling = [codons for action, codons in vocabulary.plain.items() if self.words.register[action] in asked]
+        first = [_one(telling, rng)] if telling and rng.random() < _INFORMED else []
+        return [*listing.items[:begin], *first, block, *listing.items[end:]]
+
+    def _unwrapped(self, listing: Listing, rng: Rng) -> Sequence[Codons]:
+        """The statements of a block take the place of the statement that it is in."""
+        at = int(rng.integers(len(listing.items)))
+        blocks = self._blocks(listing.shape, listing.items[at])
+        inner = _one(blocks, rng).items if blocks else listing.items[at : at + 1]
+        return [*listing.items[:at], *inner, *listing.items[at + 1 :]]
+
+    def _blocks(self, shape: Shape, item: Codons) -> list[Listing]:
+        """Lists of the same rule within a statement."""
+        within = listings(self._shapes, Parent(item, derive(self.grammar, item, start=shape.item)))
+        return [each for each in within if each.shape == shape]
 
     def _tour(self, moves: Moves, listing: Listing, rng: Rng) -> list[Codons] | None:
         """The list's statements after an edit of its tour; None or empty where that cannot be."""
@@ -129,9 +161,7 @@ class Editor:
             codons
             for action, codons in vocabulary.plain.items()
             if moves.leads[what.place, action] == what.place
-            and (
-                self.words.register[action] in asked.registers or moves.factor[what.place, action] in asked.factors
-            )
+            and (self.words.register[action] in asked.registers or moves.factor[what.place, action] in asked.factors)
         ]
         return (_one(telling, rng), act) if telling and rng.random() < _INFORMED else (act,)
 

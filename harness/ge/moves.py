@@ -1,7 +1,8 @@
 """How a domain's actions move what is visible, and where they pay: read off its tables, for edits of scripts.
 
-A *sure move* changes the visible value, whatever is hidden, in one way only, costs no illegal-move penalty and does not
-end the episode. Sequences of sure moves lead from one visible value to another by breadth-first search.
+A *place* is a visible value, or, of a domain with a single hidden factor, a whole state: there the moves may change
+what is hidden. A *sure move* leads from a place to another one only, costs no illegal-move penalty and does not end
+the episode. Sequences of sure moves lead from place to place by breadth-first search.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from harness.model.tables import Tables, compiled
 
 
 class Pay(NamedTuple):
-    """An action that can pay something, and the visible value where it does."""
+    """An action that can pay something, and the place where it does."""
 
     place: int
     action: int
@@ -28,14 +29,16 @@ class Moves:
     def __init__(self, domain: Domain) -> None:
         """Surveys the tables once."""
         t = domain.tables
-        leads, pays = np.full(len(t.choices), -1, dtype=np.int32), np.zeros(len(t.choices), dtype=np.bool_)
-        _survey(t, leads, pays)
-        self.leads = leads.reshape(domain.n_visible, domain.n_actions)
-        """(V, A) the visible value that surely follows; −1 where none does."""
-        self.factor: NDArray[np.int16] = t.choices["factor"].reshape(self.leads.shape)
-        """(V, A) the hidden factor that an action is about; −1 for none."""
-        self.pays = [Pay(*divmod(int(i), domain.n_actions)) for i in np.flatnonzero(pays)]
-        self.starts = t.start_visible
+        hidden = domain.factor_sizes[0] if len(domain.factors) == 1 else 1
+        self.leads = np.full((domain.n_visible * hidden, domain.n_actions), -1, dtype=np.int32)
+        """(P, A) the place that surely follows; −1 where none does. P places: visible value · hidden values + value."""
+        pays = np.zeros(self.leads.shape, dtype=np.bool_)
+        _survey(t, hidden, self.leads, pays)
+        factor = t.choices["factor"].reshape(domain.n_visible, domain.n_actions)
+        self.factor: NDArray[np.int16] = np.repeat(factor, hidden, axis=0)
+        """(P, A) the hidden factor that an action is about; −1 for none."""
+        self.pays = [Pay(int(place), int(action)) for place, action in np.argwhere(pays)]
+        self.starts = t.start_visible * hidden + (t.start_values[:, 0] if hidden > 1 else 0)
         self._found: dict[int, tuple[NDArray[np.int32], NDArray[np.int32]]] = {}
 
     def moves(self, place: int, action: int) -> bool:
@@ -43,7 +46,7 @@ class Moves:
         return self.leads[place, action] not in (-1, place)
 
     def reached(self, place: int) -> NDArray[np.intp]:
-        """Visible values that sure moves lead to, the place itself included."""
+        """Where sure moves lead to, the place itself included."""
         return np.flatnonzero(self._ways(place)[0] >= 0)
 
     def path(self, place: int, to: int) -> list[int] | None:
@@ -66,25 +69,33 @@ class Moves:
 
 
 @compiled
-def _survey(t: Tables, leads: NDArray[np.int32], pays: NDArray[np.bool_]) -> None:
-    """Fill in, for each choice, where it surely leads, and whether it can pay."""
-    for va in range(len(t.choices)):
-        row, k = t.choices[va].first_row, t.choices[va].factor
-        if row >= 0:
+def _survey(t: Tables, hidden: int, leads: NDArray[np.int32], pays: NDArray[np.bool_]) -> None:
+    """Fill in, for each place and action, where it surely leads, and whether it can pay."""
+    for place in range(len(leads)):
+        v, x = place // hidden, place % hidden
+        for a in range(t.n_actions):
+            row, k = t.choices[v * t.n_actions + a].first_row, t.choices[v * t.n_actions + a].factor
+            if row < 0:
+                continue
+            first = row + x if hidden > 1 and k >= 0 else row
+            last = row + t.factor_offset[k + 1] - t.factor_offset[k] if hidden == 1 and k >= 0 else first + 1
             to, sure = -1, True
-            for r in range(row, row + (1 if k < 0 else t.factor_offset[k + 1] - t.factor_offset[k])):
+            for r in range(first, last):
                 sure = sure and t.rows[r].legal
                 for i in range(t.rows[r].first, t.rows[r].last):
-                    sure = sure and not t.outcomes[i].ends and (to < 0 or to == t.outcomes[i].visible)  # noqa: PLR1714
-                    to = t.outcomes[i].visible
-                    pays[va] |= t.outcomes[i].reward > 0
+                    after = t.outcomes[i].visible * hidden
+                    if hidden > 1:
+                        after += t.outcomes[i].value if k >= 0 else x
+                    sure = sure and not t.outcomes[i].ends and (to < 0 or to == after)
+                    to = after
+                    pays[place, a] |= t.outcomes[i].reward > 0
             if sure:
-                leads[va] = to
+                leads[place, a] = to
 
 
 @compiled
 def _search(leads: NDArray[np.int32], place: int, before: NDArray[np.int32], by: NDArray[np.int32]) -> None:
-    """Breadth first from a place: for each visible value, the one before it on a shortest way, and the action."""
+    """Breadth first from a place: for each other, the one before it on a shortest way, and the action."""
     queue, head, tail = np.empty(len(leads), dtype=np.int32), 0, 1
     queue[0], before[place] = place, place
     while head < tail:

@@ -13,7 +13,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "paper": MappingProxyType({}),
         "best": MappingProxyType(
             {
-                "generations": 100,
+                "generations": 200,
                 "fitness": "auto",
                 "penalty": 0.001,
                 "free_length": 0,
@@ -23,7 +23,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
                 "mutation": "edits",
                 "mutation_probability": 0.6,
                 "walks": "paying",
-                "crossover_probability": 0.3,
                 "local_search": 1,
                 "local_search_every": 1,
                 "local_search_evaluations": 250,

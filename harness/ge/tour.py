@@ -1,4 +1,4 @@
-"""A script as a tour: the visible values where it does something, and the ways between them.
+"""A script as a tour: the places (:mod:`harness.ge.moves`) where it does something, and the ways between them.
 
 In an open-loop script a detour shifts all that comes after. Read as a tour, it can be changed in one place while the
 rest goes on from where it always did: a stop that is put in, taken out or put elsewhere gets ways to and from it.
@@ -17,7 +17,7 @@ Items = tuple[Codons, ...]
 
 
 class Stop(NamedTuple):
-    """A visible value, how it is reached from the stop before, and the statements executed there."""
+    """A place, how it is reached from the stop before, and the statements executed there."""
 
     place: int
     way: Items | None
@@ -25,7 +25,9 @@ class Stop(NamedTuple):
     acts: Items
 
 
-def read(items: Sequence[Codons], start: int, moves: Moves, vocabulary: Vocabulary, taken: Callable[[], bool]) -> list[Stop]:
+def read(
+    items: Sequence[Codons], start: int, moves: Moves, vocabulary: Vocabulary, taken: Callable[[], bool]
+) -> list[Stop]:
     """The tour of a list of statements; ``taken`` says of each guarded move whether it counts as executed."""
     stops: list[Stop] = []
     place, way, acts = start, list[Codons](), list[Codons]()

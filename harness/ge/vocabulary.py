@@ -49,6 +49,8 @@ class Vocabulary:
         """Codons of a statement that is just an action."""
         self.guarded: dict[int, list[Codons]] = {}
         """Codons of the different statements that are an action behind a condition."""
+        self.compound: list[Codons] = []
+        """Codons of the other different statements, such as blocks behind a condition."""
         rng, seen = np.random.default_rng(0), set[str]()
         least = int(grammar.arrays.depth[grammar.arrays.rule_first[rule] : grammar.arrays.rule_first[rule + 1]].min())
         for i in range(_SAMPLES):
@@ -63,6 +65,8 @@ class Vocabulary:
             self.plain.setdefault(meaning.plain, codons)
         elif meaning.action >= 0:
             self.guarded.setdefault(meaning.action, []).append(codons)
+        else:
+            self.compound.append(codons)
 
     def meaning(self, codons: Codons) -> Meaning:
         """What the statement of some codons does."""
@@ -78,9 +82,12 @@ class Vocabulary:
 
 def _meaning(program: Program) -> Meaning:
     op, arg = program.code["op"], program.code["arg"]
+    factor_of = program.words.domain.factor_of
+    asked = (
+        frozenset(arg[op == REGISTER].tolist()),
+        frozenset(factor_of[arg[op == BELIEF]].tolist()),
+    )
     simple = op[-1] == ACT and (len(op) == 1 or (op[-2] == IF and (op == ACT).sum() == 1))
     if not simple:
-        return _OTHER
-    factor_of = program.words.domain.factor_of
-    registers = frozenset(arg[op == REGISTER].tolist())
-    return Meaning(int(arg[-1]), len(op) > 1, registers, frozenset(factor_of[arg[op == BELIEF]].tolist()))
+        return Meaning(-1, True, *asked)
+    return Meaning(int(arg[-1]), len(op) > 1, *asked)
