@@ -51,6 +51,7 @@ class Editor:
         self.moves = None if p.walks == NOWHERE else Moves(domain)
         self._shapes = shapes(grammar)
         self._vocabularies: dict[int, Vocabulary] = {}
+        self._frames: dict[int, list[Codons]] = {}
 
     def mutate(self, grammar: Grammar, a: Parent, probability: float, codon_size: int, rng: Rng) -> Codons:
         """As a mutation (:data:`harness.ge.loop.Mutate`), of the grammar and codon size that it was made for."""
@@ -79,8 +80,8 @@ class Editor:
     def _statements(self, a: Parent, lists: Sequence[Listing], rng: Rng) -> Codons:
         sizes = np.cumsum([len(each.items) for each in lists])
         listing = lists[int(np.searchsorted(sizes, rng.integers(sizes[-1]), side="right"))]
-        blocks, simple = self._vocabulary(listing.shape.item).compound, len(_STATEMENT_EDITS)
-        kind = int(rng.integers(simple + (3 if blocks else 1)))
+        simple = len(_STATEMENT_EDITS)
+        kind = int(rng.integers(simple + (3 if self._with_blocks(listing.shape) else 1)))
         if kind == simple:
             return replaced(self.grammar, a, self.codon_size, rng)
         if kind > simple:
@@ -96,12 +97,9 @@ class Editor:
         """A run of statements becomes the block of a compound one, after a reading that its condition asks for."""
         vocabulary = self._vocabulary(listing.shape.item)
         begin, end = _run(len(listing.items), rng)
-        item = _one(vocabulary.compound, rng)
-        blocks = self._blocks(listing.shape, item)
-        if not blocks:
-            return listing.items
-        block = put(item, _one(blocks, rng), listing.items[begin:end])
-        asked = vocabulary.meaning(item).registers
+        frame = _one(self._with_blocks(listing.shape), rng)
+        block = put(frame, _one(self._blocks(listing.shape, frame), rng), listing.items[begin:end])
+        asked = vocabulary.meaning(frame).registers
         telling = [codons for action, codons in vocabulary.plain.items() if self.words.register[action] in asked]
         first = [_one(telling, rng)] if telling and rng.random() < _INFORMED else []
         return [*listing.items[:begin], *first, block, *listing.items[end:]]
@@ -113,6 +111,13 @@ class Editor:
         inner = _one(blocks, rng).items if blocks else listing.items[at : at + 1]
         return [*listing.items[:at], *inner, *listing.items[at + 1 :]]
 
+    def _with_blocks(self, shape: Shape) -> list[Codons]:
+        """The statements of the vocabulary that have a block for others of their kind."""
+        if shape.rule not in self._frames:
+            compound = self._vocabulary(shape.item).compound
+            self._frames[shape.rule] = [item for item in compound if self._blocks(shape, item)]
+        return self._frames[shape.rule]
+
     def _blocks(self, shape: Shape, item: Codons) -> list[Listing]:
         """Lists of the same rule within a statement."""
         within = listings(self._shapes, Parent(item, derive(self.grammar, item, start=shape.item)))
@@ -121,7 +126,7 @@ class Editor:
     def _tour(self, moves: Moves, listing: Listing, rng: Rng) -> list[Codons] | None:
         """The list's statements after an edit of its tour; None or empty where that cannot be."""
         vocabulary = self._vocabulary(listing.shape.item)
-        start = int(_one(moves.starts, rng))
+        start = _one(moves.starts, rng)
         often = _one(_TAKEN, rng)
         stops = tour.read(listing.items, start, moves, vocabulary, lambda: bool(rng.random() < often))
         kind = int(rng.integers(2 * len(_TOUR_EDITS)))
@@ -141,11 +146,11 @@ class Editor:
         if self.paying and moves.pays and rng.random() < _PAYING:
             place, action = _one(moves.pays, rng)
         else:
-            place = int(_one(moves.reached(origin), rng))
-            staying = np.flatnonzero(moves.leads[place] == place)
-            if not len(staying):
+            place = _one(moves.reached(origin), rng)
+            staying = np.flatnonzero(moves.leads[place] == place).tolist()
+            if not staying:
                 return None
-            action = int(_one(staying, rng))
+            action = _one(staying, rng)
         acts = self._acts(moves, vocabulary, Pay(place, action), rng)
         return Stop(place, None, acts) if acts else None
 
@@ -166,9 +171,8 @@ class Editor:
         return (_one(telling, rng), act) if telling and rng.random() < _INFORMED else (act,)
 
 
-def _one(of: Sequence[_T] | np.ndarray[tuple[int], np.dtype[np.int32 | np.intp]], rng: Rng) -> _T:
-    found: _T = of[rng.integers(len(of))]
-    return found
+def _one(of: Sequence[_T], rng: Rng) -> _T:
+    return of[int(rng.integers(len(of)))]
 
 
 def _run(count: int, rng: Rng) -> tuple[int, int]:

@@ -45,6 +45,8 @@ class LocalSearch:
     def _climb(self, best: Parent, generation: int, generator: Rng) -> tuple[Learnt, int]:
         text = best.derivation.phenotype
         assert text is not None
+        if not best.has_tree:  # it wraps: its nodes share codons
+            return Learnt(best.codons, text), 0
         evaluated = self.fitness([text], generation)
         height, cost, seen = float(evaluated.fitness[0]), evaluated.cost, {text}
         for _ in range(0, self.parameters.local_search_evaluations, _BATCH):

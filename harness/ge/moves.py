@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from harness.model.domain import Domain
 from harness.model.tables import Tables, compiled
 
+_REMEMBERED = 10_000_000  # places of all the ways that are kept, 8 bytes each
+
 
 class Pay(NamedTuple):
     """An action that can pay something, and the place where it does."""
@@ -38,16 +40,16 @@ class Moves:
         self.factor: NDArray[np.int16] = np.repeat(factor, hidden, axis=0)
         """(P, A) the hidden factor that an action is about; −1 for none."""
         self.pays = [Pay(int(place), int(action)) for place, action in np.argwhere(pays)]
-        self.starts = t.start_visible * hidden + (t.start_values[:, 0] if hidden > 1 else 0)
+        self.starts: list[int] = (t.start_visible * hidden + (t.start_values[:, 0] if hidden > 1 else 0)).tolist()
         self._found: dict[int, tuple[NDArray[np.int32], NDArray[np.int32]]] = {}
 
     def moves(self, place: int, action: int) -> bool:
         """Whether the action is a sure move there."""
         return self.leads[place, action] not in (-1, place)
 
-    def reached(self, place: int) -> NDArray[np.intp]:
+    def reached(self, place: int) -> list[int]:
         """Where sure moves lead to, the place itself included."""
-        return np.flatnonzero(self._ways(place)[0] >= 0)
+        return [int(v) for v in np.flatnonzero(self._ways(place)[0] >= 0)]
 
     def path(self, place: int, to: int) -> list[int] | None:
         """Actions of a shortest sequence of sure moves; None where there is none."""
@@ -62,6 +64,8 @@ class Moves:
 
     def _ways(self, place: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         if place not in self._found:
+            if (len(self._found) + 1) * len(self.leads) > _REMEMBERED:
+                self._found.clear()
             before, by = np.full(len(self.leads), -1, dtype=np.int32), np.full(len(self.leads), -1, dtype=np.int32)
             _search(self.leads, place, before, by)
             self._found[place] = before, by
