@@ -246,9 +246,11 @@ def _past(arrays: archive.Arrays) -> Past | None:
     """What a checkpoint hands on beside its population, None where its arrays cannot hold that."""
     nothing = no_past(len(arrays.get("lengths", ())))  # of folders of older versions
     born, seen = arrays.get("born", nothing.born), arrays.get("seen", nothing.seen)
-    if born.dtype != np.int32 or born.shape != nothing.born.shape or seen.dtype != np.float64:
+    if born.dtype != np.int32 or born.shape != nothing.born.shape or born.min(initial=0) < 0:
         return None
-    return Past(born, seen) if seen.ndim == 2 and seen.shape[1] == nothing.seen.shape[1] else None
+    if seen.dtype != np.float64 or seen.ndim != 2 or seen.shape[1] != nothing.seen.shape[1]:
+        return None
+    return Past(born, seen) if ((seen >= 0) & (seen <= 1)).all() else None
 
 
 def _csv(rows: Sequence[Mapping[str, Any]]) -> str:

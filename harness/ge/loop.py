@@ -20,9 +20,6 @@ from harness.ge.mapping import Codons, derive
 from harness.ge.operators import CROSSOVERS, MUTATIONS, Parent, tournament
 from harness.ge.parameters import NOVELTY, Parameters
 
-DESCRIPTORS = 3
-"""Numbers of a behaviour."""
-
 
 class Evaluated(NamedTuple):
     """Fitness of phenotypes."""
@@ -34,9 +31,9 @@ class Evaluated(NamedTuple):
     cost: int
     """What the evaluation cost, such as environment steps."""
     cases: NDArray[np.float64] | None = None
-    """(phenotypes, E) fitness in each of E cases, whose mean is the fitness; where breeding goes by cases."""
+    """(phenotypes, E) fitness in each of E cases, whose mean is the fitness; needed where breeding goes by cases."""
     descriptors: NDArray[np.float64] | None = None
-    """(phenotypes, D) behaviour, every number from 0 to 1; where breeding goes by behaviour."""
+    """(phenotypes, D) behaviour, every number from 0 to 1; needed where breeding goes by behaviour."""
 
 
 Fitness = Callable[[Sequence[str], int], Evaluated]
@@ -74,14 +71,14 @@ class Past(NamedTuple):
     """What a generation hands on beside its population: with that and the seed, all that the next ones depend on."""
 
     born: NDArray[np.int32]
-    """(individuals,) generation of which the oldest ancestor of each is."""
+    """(individuals,) generation of the oldest ancestor of each."""
     seen: NDArray[np.float64]
     """(kept, D) behaviours in the archive of novelty search."""
 
 
 def no_past(individuals: int) -> Past:
     """That of a first population."""
-    return Past(np.zeros(individuals, dtype=np.int32), np.zeros((0, DESCRIPTORS)))
+    return Past(np.zeros(individuals, dtype=np.int32), np.zeros((0, selection.DESCRIPTORS)))
 
 
 class Generation(NamedTuple):
@@ -201,12 +198,12 @@ def next_population(
     pools = structure.pools(p, generation.fitness, generation.past.born, number)
     population: list[Codons] = []
     born: list[int] = []
-    for group, (places, members) in enumerate(zip(structure.groups(p), pools, strict=True)):
-        if structure.renewed(p, group, number):
+    for places, members in zip(structure.groups(p), pools, strict=True):
+        if len(members):
+            bred = _bred(grammar, p, generation, members, len(places), mutate, rng)
+        else:
             new = METHODS[p.initialisation](grammar, len(places), p.max_init_depth, p.codon_size, p.tail, rng)
             bred = [(codons, number) for codons in new]
-        else:
-            bred = _bred(grammar, p, generation, members, len(places), mutate, rng)
         population += [codons for codons, _ in bred]
         born += [birth for _, birth in bred]
     seen = generation.past.seen
@@ -228,7 +225,8 @@ def _bred(
     mutate: Mutate,
     rng: np.random.Generator,
 ) -> list[tuple[Codons, int]]:
-    """So many individuals as there is ``room``, and the births of their oldest ancestors; of the members of a group."""
+    """As many individuals as there is ``room`` for, survivors and children of ``members``; and when the oldest ancestor
+    of each was born."""
     pool = _pool(generation).only(members)
     if p.distinct:
         different = selection.distinct(pool)
@@ -237,8 +235,8 @@ def _bred(
     individuals = [generation.individuals[i] for i in members]
     born = generation.past.born[members].tolist()
     bred = [(individuals[i].codons, born[i]) for i in kept]
-    chosen = selection.parents(pool, kept, p, room + room % 2, rng)
-    for i, j in chosen.reshape(-1, 2):
+    pairs = selection.parents(pool, kept, p, room + room % 2, rng).reshape(-1, 2)
+    for i, j in pairs[: (room - len(kept) + 1) // 2]:
         children = _children(grammar, p, individuals[i], individuals[j], mutate, rng)
         bred += [(child, min(born[i], born[j])) for child in children]
     return bred[:room]

@@ -83,8 +83,12 @@ def _check_memory(domain: Domain, p: Parameters) -> None:
         host.check_memory(*population.memory(domain, programs, episodes, p.horizon))
     codons = p.population * p.max_codons
     host.check_memory(f"a population of {p.population:,} with {p.max_codons:,} codons each", codons * _CODON)
+    if p.uses_cases:
+        numbers = p.population * p.episodes
+        host.check_memory(f"the fitness of {p.population:,} in {p.episodes:,} cases each", numbers * _CASE)
 
 
+_CASE = 48  # bytes, with the copies of it that breeding takes
 _CODON = 16  # bytes, with its part of the derivation
 
 

@@ -18,6 +18,8 @@ from harness.model.tables import compiled
 
 Indices = NDArray[np.intp]
 
+DESCRIPTORS = 3
+"""Numbers D of a behaviour."""
 NEIGHBOURS = 15
 """Nearest behaviours whose mean distance is the novelty (Lehman and Stanley 2011)."""
 REMEMBERED = 6
@@ -33,7 +35,7 @@ class Pool(NamedTuple):
     """(n, E) fitness in each of the generation's episodes, whose mean is the fitness."""
     descriptors: NDArray[np.float64] | None = None
     """(n, D) behaviour, every number from 0 to 1."""
-    seen: NDArray[np.float64] = np.zeros((0, 0))
+    seen: NDArray[np.float64] = np.zeros((0, DESCRIPTORS))
     """(kept, D) behaviours that earlier generations have shown."""
 
     def only(self, members: Indices) -> Pool:
@@ -124,7 +126,7 @@ def remembered(pool: Pool, rng: np.random.Generator) -> NDArray[np.float64]:
     assert pool.descriptors is not None
     valid = pool.descriptors[np.isfinite(pool.fitness)]
     new = valid[rng.permutation(len(valid))[:REMEMBERED]]
-    return np.concatenate([pool.seen.reshape(-1, new.shape[1]), new])
+    return np.concatenate([pool.seen, new])
 
 
 def archive(pool: Pool, most: int) -> Indices:
@@ -138,11 +140,13 @@ def archive(pool: Pool, most: int) -> Indices:
     order = order[np.isfinite(pool.fitness[order])]
     found = order[:1]
     for parts in range(1, _FINEST + 1):
-        cells = np.minimum(pool.descriptors[order] * parts, parts - 1).astype(np.int64)
-        fittest = np.unique(cells, axis=0, return_index=True)[1]
+        cells = np.minimum(pool.descriptors[order] * parts, parts - 1).astype(np.int64).tolist()
+        fittest: dict[tuple[int, ...], int] = {}
+        for i, cell in zip(order, cells, strict=True):
+            fittest.setdefault(tuple(cell), i)
         if len(fittest) > most:
             break
-        found = order[np.sort(fittest)]
+        found = np.array(list(fittest.values()), dtype=np.intp)
     return found
 
 

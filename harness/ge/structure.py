@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.ge.parameters import Parameters
-
-Indices = NDArray[np.intp]
+from harness.ge.selection import Indices
 
 
 def groups(p: Parameters) -> list[Indices]:
@@ -19,23 +18,19 @@ def groups(p: Parameters) -> list[Indices]:
 
 
 def pools(p: Parameters, fitness: NDArray[np.float64], born: NDArray[np.int32], number: int) -> list[Indices]:
-    """Those whose children take each group's places in generation ``number``.
+    """Those whose children take each group's places in generation ``number``; where there is nobody, it begins anew.
 
     Args:
         p: the structure.
         fitness: (n,) of the generation before.
-        born: (n,) generation of which an individual's oldest ancestor is.
+        born: (n,) generation of the oldest ancestor of each.
         number: the new generation's.
     """
+    begins = number % p.epoch == 0
     if p.layers > 1:
-        return _layers(p, number - born)
+        return _layers(p, number - born, begins)
     found = groups(p)
-    return _migrated(found, fitness) if p.islands > 1 and number % p.epoch == 0 else found
-
-
-def renewed(p: Parameters, group: int, number: int) -> bool:
-    """Whether a group of generation ``number`` is the youngest layer, and begins anew."""
-    return p.layers > 1 and group == 0 and number % p.epoch == 0
+    return _migrated(found, fitness) if p.islands > 1 and begins else found
 
 
 def _migrated(islands: list[Indices], fitness: NDArray[np.float64]) -> list[Indices]:
@@ -49,9 +44,11 @@ def _migrated(islands: list[Indices], fitness: NDArray[np.float64]) -> list[Indi
     return arrived
 
 
-def _layers(p: Parameters, age: NDArray[np.int32]) -> list[Indices]:
-    """A layer and the one below, without those that are too old for it (ALPS, Hornby 2006): they may enter the next."""
+def _layers(p: Parameters, age: NDArray[np.int32], begins: bool) -> list[Indices]:
+    """A layer and the one below, without those that are too old for it: they may enter the next one (ALPS, Hornby
+    2006). The oldest layer has no limit, and the youngest begins anew at every epoch."""
     found = groups(p)
     both = [np.concatenate(found[max(0, k - 1) : k + 1]) for k in range(len(found))]
-    limits = [p.epoch * max(k * k, k + 1) for k in range(len(found))]  # 1, 2, 4, 9, 16, …
-    return [pool[age[pool] <= limit] for pool, limit in zip(both[:-1], limits, strict=False)] + [both[-1]]
+    limits = [p.epoch * max(k * k, k + 1) for k in range(len(found) - 1)]  # 1, 2, 4, 9, 16, … epochs
+    young = [pool[age[pool] <= limit] for pool, limit in zip(both, limits, strict=False)]
+    return [young[0][:0] if begins else young[0], *young[1:], both[-1]]

@@ -219,16 +219,16 @@ def _lockstep(domain: Domain, program: Program, episodes: Episodes, discount: fl
     """Adds up what becomes of one program."""
     weight = 1.0
     policy, every, none = ProgramPolicy(program), np.arange(episodes.size), _none(domain)
-    visited = np.zeros((episodes.size, domain.n_visible), dtype=np.bool_)
+    places = []  # of episode and visible value; an episode that has ended stays where it is
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
-        visited[every, record.batch.visible] = True  # an episode that has ended stays where it is
+        places.append(every * domain.n_visible + record.batch.visible)
         if record.actions is not None:
             played.returns[0, record.active] += weight * record.rewards[record.active]
             weight *= discount
             played.steps[0] += int(record.active.sum())
             told = record.batch.observation[record.active]
             played.readings[0] += int(((told >= 0) & (told != none)).sum())
-    played.visited[0] = visited.sum()
+    played.visited[0] = len(np.unique(places))
 
 
 @compiled
@@ -265,6 +265,7 @@ def _play(
     scratch = np.zeros(max(1, np.diff(factor_offset).max() if len(factor_offset) > 1 else 1))
     for p in range(len(firsts)):
         first, last, loop, track = firsts[p], lasts[p], loops[p], believes[p]
+        cells, told = 0, 0
         for e in range(u.shape[0]):
             v, o, done = start_visible[e], start_observation[e], start_done[e]
             for k in range(values.shape[1]):
@@ -277,7 +278,7 @@ def _play(
             place, total, weight = 0, 0.0, 1.0
             episode = p * u.shape[0] + e
             met[v] = episode
-            visited[p] += 1
+            cells += 1
             step = 1
             while step < u.shape[1] and not done:
                 a, place = next_action(
@@ -299,9 +300,8 @@ def _play(
                     done = outcomes[i].ends
                     if met[v] != episode:
                         met[v] = episode
-                        visited[p] += 1
-                    if o >= 0 and o != none:
-                        readings[p] += 1
+                        cells += 1
+                    told += o >= 0 and o != none
                     if register[a] >= 0:
                         registers[0, register[a]] = o
                     if track and k >= 0:
@@ -312,3 +312,4 @@ def _play(
                         )
                     step += 1
             returns[p, e] = total
+        visited[p], readings[p] = cells, told
