@@ -274,7 +274,8 @@ class TestRuns:
             return [loop.Learnt(individual.codons, "b b b") for individual in individuals], 1
 
         p = Parameters(population=20, generations=3, max_init_depth=12, selection="lexicase", refine=2, refine_every=1)
-        for generation in loop.evolve(LISTS, p, letters, loop.first_population(LISTS, p), 0, refine):
+        lesson = loop.Lesson(refine, p.refine, p.refine_every)
+        for generation in loop.evolve(LISTS, p, letters, loop.first_population(LISTS, p), lessons=[lesson]):
             expected = letters([text or "" for text in generation.phenotypes if text], 0)
             assert np.array_equal(generation.cases, expected.cases)
             assert np.array_equal(generation.descriptors, expected.descriptors)

@@ -33,6 +33,11 @@ def register(commands: Any) -> None:
         "--parameters", type=Path, metavar="FILE", help="a TOML file of the parameters below; options go before it"
     )
     evolve.add_argument("--allow-code", action="store_true", help="with --resume: load the file that the run is on")
+    evolve.add_argument(
+        "--preset",
+        metavar="WORD",
+        help="parameters to begin with: paper (Table 2, the default) or best; others go before it",
+    )
     group = evolve.add_argument_group("parameters of the run (defaults: the paper's Table 2 where it gives one)")
     for f in fields(Parameters):
         option, help_text = f"--{f.name.replace('_', '-')}", f.metadata["help"]
@@ -88,6 +93,7 @@ def _evolve(options: argparse.Namespace) -> None:
                 runs=options.runs,
                 out=options.out,
                 engine=options.engine or "tables",
+                preset=options.preset or "paper",
                 **execution,
                 **given,
             )
@@ -105,7 +111,9 @@ def _evolve(options: argparse.Namespace) -> None:
 def _refuse_changes(options: argparse.Namespace, given: dict[str, Any]) -> None:
     changed = [name for name in given if name != "generations"]
     changed += [
-        name for name in ("domain", "grammar", "out", "engine", "parameters") if getattr(options, name) is not None
+        name
+        for name in ("domain", "grammar", "out", "engine", "preset", "parameters")
+        if getattr(options, name) is not None
     ]
     changed += ["runs"] if options.runs != 1 else []
     if changed:

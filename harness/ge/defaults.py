@@ -33,22 +33,30 @@ def grammar(domain: Domain | str, *, feedback: bool = False) -> str:
 def grammar_for(domain: Domain, name: str | Path | None) -> Grammar:
     """A grammar by its file, by the name of a shipped one, or the default one, :func:`grammar`.
 
+    ``states`` is made for the domain: a script for each visible value, entered where the episode is.
+
     Raises:
         GrammarError: the file is no usable grammar.
         HarnessError: there is no such file.
     """
     if name is None:
         return _own(domain)
+    if name == STATES:
+        return bnf.parse(derived.states(domain), f"grammar of scripts for the states of {domain.name}")
     path = Path(name)
     if path.suffix == ".bnf" or os.path.exists(path):  # unlike Path.exists it takes a name of any length
         return bnf.read(path)
     folder = registry.grammar_path("").parent
-    known = sorted(p.stem for p in folder.glob("*.bnf"))
+    known = sorted([STATES, *(p.stem for p in folder.glob("*.bnf"))])
     if str(name) not in known:
         raise HarnessError(
             f"no grammar {quoted(name)}{nearest(str(name), known)} (known: {', '.join(known)}; or a BNF file)"
         )
     return bnf.read(registry.grammar_path(str(name)))
+
+
+STATES = "states"
+"""Name of the grammar of scripts for states."""
 
 
 def _own(domain: Domain, feedback: bool = False) -> Grammar:
@@ -77,6 +85,6 @@ class _Shipped(NamedTuple):
 
 _SHIPPED = {
     ("rocksample", 13): _Shipped("rocksample", "rocksample-feedback", (7, 7)),  # eight rocks
-    ("bordercross", 9): _Shipped("bordercross"),
+    ("bordercross", 9): _Shipped("bordercross", "bordercross-feedback", (7, 8)),
 }
 """By the kind of a domain's layout and the number of its actions."""

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.program import Words, words_of
 from harness.program.words import can_say, in_quotes
@@ -19,6 +20,9 @@ WIDEST = 500
 """Alternatives of a rule: more are put into groups, for a codon tells 1,000 apart unless a run says otherwise."""
 MOST_COMPARED = 2_000
 """Words of a kind that conditions are about: of what has more (the states of a large flat model), none are."""
+
+MOST_STATES = 200
+"""Visible values of a grammar of scripts for states: more scripts than an individual could ever be given time for."""
 
 _LINE = 116  # characters
 
@@ -59,6 +63,23 @@ def text(domain: Domain, feedback: bool = False) -> str:
     rules |= tests
     head = [f"{domain.name}, version {domain.version}: derived from its words.", *remarks]
     return "".join(f"# {line}\n" for line in head) + _written(rules)
+
+
+def states(domain: Domain) -> str:
+    """A program of one short script for each visible value, started again and again: what the paper leaves to future
+    work (section 6).
+
+    Raises:
+        HarnessError: the domain names no visible values, or too many.
+    """
+    places = words_of(domain).places
+    if not 1 <= len(places) <= MOST_STATES:
+        raise HarnessError(
+            f"{domain.name} has {len(places):,} named visible values; the grammar of scripts for states has one for "
+            f"each of {MOST_STATES} at most"
+        )
+    sections = " ".join(f"'if({place}) {{ '<code>' }}'" for place in places)
+    return f"<program> ::= 'loop '{sections}\n" + text(domain)
 
 
 def _conditions(words: Words, remarks: list[str]) -> Rules:

@@ -18,7 +18,7 @@ from harness.ge.hall import Hall
 from harness.ge.initialisation import GROW, tree
 from harness.ge.loop import Evaluated, rows_of
 from harness.ge.mapping import derive
-from harness.ge.parameters import AUTO, SAMPLED, Parameters
+from harness.ge.parameters import AUTO, DISCOUNTED, SAMPLED, Parameters
 from harness.model.domain import Domain
 from harness.play import population
 from harness.play.evaluation import mean_and_sem
@@ -64,6 +64,8 @@ class ProgramFitness:
         self.parameters, self.engine, self.workers = parameters, engine, workers
         self.hall: Hall | None = None
         """Sees what every generation has judged."""
+        self.discount = domain.discount if parameters.objective == DISCOUNTED else 1.0
+        """Of the return that counts."""
 
     def __call__(self, phenotypes: Sequence[str], generation: int) -> Evaluated:
         """Fitness on the episodes of a generation; −inf for a program that is nested too deep to be compiled."""
@@ -103,7 +105,7 @@ class ProgramFitness:
     def _exactly(self, programs: Sequence[Program], first: int, count: int) -> Judged:
         """Exact returns; with too many situations, what episodes say (``auto``), or the least that is sure."""
         auto, horizon = self.parameters.fitness == AUTO, self.parameters.horizon
-        found = expected(self.domain, programs, horizon, ROOM_OF_AUTO if auto else ROOM, self.workers)
+        found = expected(self.domain, programs, horizon, ROOM_OF_AUTO if auto else ROOM, self.workers, self.discount)
         means, cost = found.returns, int(found.situations.sum())
         returns = [means[i : i + 1] for i in range(len(means))]
         wide = np.flatnonzero(np.isnan(means)).tolist()
@@ -114,7 +116,8 @@ class ProgramFitness:
                 returns[i] = row
         for i in wide if not auto else ():
             bounded = exact(self.domain, ProgramPolicy(programs[i]), horizon=horizon)
-            means[i], cost = bounded.mean.low, cost + bounded.situations
+            objective = bounded.mean if self.discount == 1 else bounded.discounted
+            means[i], cost = objective.low, cost + bounded.situations
         return Judged(means, returns, len(set(means.tolist())), cost)
 
     def play(self, programs: Sequence[Program], first: int, count: int) -> population.Played:
@@ -124,7 +127,7 @@ class ProgramFitness:
 
     def play_on(self, programs: Sequence[Program], episodes: Episodes) -> population.Played:
         """The programs in any episodes, under the shaping of the search."""
-        return population.play(self.domain, programs, episodes, self.engine, self.workers)
+        return population.play(self.domain, programs, episodes, self.engine, self.workers, self.discount)
 
     def penalized(self, programs: Sequence[Program], returns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns of P programs, (P,) means or (P, E), − penalty·max(0, length − free length) of each program."""

@@ -53,6 +53,20 @@ Refine = Callable[[Sequence[Parent], int], tuple[list[Learnt], int]]
 """(valid individuals, generation) -> what each has learnt, and what that cost. A function of its arguments."""
 
 
+class Lesson(NamedTuple):
+    """That the best individuals learn from time to time."""
+
+    learn: Refine
+    best: int
+    """How many phenotypes learn."""
+    every: int
+    """Generations from one time to the next."""
+
+
+Mutate = Callable[[Grammar, Parent, float, int, np.random.Generator], Codons]
+"""(grammar, parent, probability, codon size, generator) -> the codons of a child."""
+
+
 class Past(NamedTuple):
     """What a generation hands on beside its population: with that and the seed, all that the next ones depend on."""
 
@@ -116,38 +130,41 @@ def evolve(
     fitness: Fitness,
     population: Sequence[Codons],
     start: int = 0,
-    refine: Refine | None = None,
     past: Past | None = None,
+    lessons: Sequence[Lesson] = (),
+    mutate: Mutate | None = None,
 ) -> Iterator[Generation]:
     """Yield every evaluated generation from ``start``, whose population and past are given, to ``p.generations``.
 
     In the generational scheme the elites and the children of selected parents replace everybody; elites are
     evaluated anew like the others, so that a lucky fitness does not last. In the steady-state scheme two children at
-    a time replace the two worst, if they are better. With ``refine`` the best ``p.refine`` phenotypes of every
-    ``p.refine_every``-th generation learn before they breed.
+    a time replace the two worst, if they are better. With ``lessons`` the best phenotypes learn before they breed, in
+    this order. ``mutate`` stands in for the mutation that ``p`` names.
     """
+    mutate = mutate or MUTATIONS[p.mutation]
     generation = _evaluate(grammar, p, fitness, population, start, past or no_past(len(population)))
     while True:
-        if refine and p.refine_every and generation.number and generation.number % p.refine_every == 0:
-            generation = _refined(grammar, p, fitness, refine, generation)
+        for lesson in lessons:
+            if generation.number and generation.number % lesson.every == 0:
+                generation = _taught(grammar, p, fitness, lesson, generation)
         yield generation
         if generation.number >= p.generations:
             return
         cost, past = 0, generation.past
         if p.replacement == "steady-state":
-            population, cost = _steady_state(grammar, p, fitness, generation)
+            population, cost = _steady_state(grammar, p, fitness, generation, mutate)
         else:
-            population, past = next_population(grammar, p, generation)
+            population, past = next_population(grammar, p, generation, mutate)
         generation = _evaluate(grammar, p, fitness, population, generation.number + 1, past)
         generation = generation._replace(cost=generation.cost + cost)
 
 
-def _refined(grammar: Grammar, p: Parameters, fitness: Fitness, refine: Refine, generation: Generation) -> Generation:
+def _taught(grammar: Grammar, p: Parameters, fitness: Fitness, lesson: Lesson, generation: Generation) -> Generation:
     """Let the best learn; they are judged anew by the generation's own episodes, like everybody."""
     known = generation.ranking()
-    best = list(known)[: p.refine]
+    best = list(known)[: lesson.best]
     chosen = [i for i, text in enumerate(generation.phenotypes) if text in best]
-    learnt, cost = refine([generation.individuals[i] for i in chosen], generation.number)
+    learnt, cost = lesson.learn([generation.individuals[i] for i in chosen], generation.number)
     different = [text for text in dict.fromkeys(new.phenotype for new in learnt) if text not in known]
     evaluated = fitness(different, generation.number)
     individuals, phenotypes = list(generation.individuals), list(generation.phenotypes)
@@ -173,7 +190,9 @@ def _of_both(
     return None if before is None or new is None else np.concatenate([before, new])[rows]
 
 
-def next_population(grammar: Grammar, p: Parameters, generation: Generation) -> tuple[list[Codons], Past]:
+def next_population(
+    grammar: Grammar, p: Parameters, generation: Generation, mutate: Mutate
+) -> tuple[list[Codons], Past]:
     """Survivors and children of selected parents, group by group; and what they hand on."""
     rng, number = _generator(p, generation.number + 1), generation.number + 1
     pools = structure.pools(p, generation.fitness, generation.past.born, number)
@@ -181,7 +200,7 @@ def next_population(grammar: Grammar, p: Parameters, generation: Generation) -> 
     born: list[int] = []
     for places, members in zip(structure.groups(p), pools, strict=True):
         if len(members):
-            bred = _bred(grammar, p, generation, members, len(places), rng)
+            bred = _bred(grammar, p, generation, members, len(places), mutate, rng)
         else:
             new = METHODS[p.initialisation](grammar, len(places), p.max_init_depth, p.codon_size, p.tail, rng)
             bred = [(codons, number) for codons in new]
@@ -203,6 +222,7 @@ def _bred(
     generation: Generation,
     members: NDArray[np.intp],
     room: int,
+    mutate: Mutate,
     rng: np.random.Generator,
 ) -> list[tuple[Codons, int]]:
     """As many individuals as there is ``room`` for, survivors and children of ``members``; and when the oldest ancestor
@@ -217,13 +237,13 @@ def _bred(
     bred = [(individuals[i].codons, born[i]) for i in kept]
     pairs = selection.parents(pool, kept, p, room + room % 2, rng).reshape(-1, 2)
     for i, j in pairs[: (room - len(kept) + 1) // 2]:
-        children = _children(grammar, p, individuals[i], individuals[j], rng)
+        children = _children(grammar, p, individuals[i], individuals[j], mutate, rng)
         bred += [(child, min(born[i], born[j])) for child in children]
     return bred[:room]
 
 
 def _steady_state(
-    grammar: Grammar, p: Parameters, fitness: Fitness, generation: Generation
+    grammar: Grammar, p: Parameters, fitness: Fitness, generation: Generation, mutate: Mutate
 ) -> tuple[list[Codons], int]:
     """As many children as there are individuals, two at a time, all judged by the generation's episodes; and the cost
     of judging them."""
@@ -232,7 +252,7 @@ def _steady_state(
     cost = 0
     for _ in range(p.population // 2):
         i, j = tournament(scores, p.tournament, 2, rng)
-        children = _children(grammar, p, individuals[i], individuals[j], rng)
+        children = _children(grammar, p, individuals[i], individuals[j], mutate, rng)
         born = _evaluate(grammar, p, fitness, children, generation.number, no_past(2))
         cost += born.cost
         worst = np.argsort(scores, kind="stable")[:2]
@@ -242,11 +262,12 @@ def _steady_state(
     return [individual.codons for individual in individuals], cost
 
 
-def _children(grammar: Grammar, p: Parameters, a: Parent, b: Parent, rng: np.random.Generator) -> list[Codons]:
+def _children(
+    grammar: Grammar, p: Parameters, a: Parent, b: Parent, mutate: Mutate, rng: np.random.Generator
+) -> list[Codons]:
     pair = a.codons, b.codons
     if rng.random() < p.crossover_probability:
         pair = CROSSOVERS[p.crossover](a, b, rng)
-    mutate = MUTATIONS[p.mutation]
     children = []
     for codons in pair:
         child = codons[: p.max_codons]

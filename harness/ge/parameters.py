@@ -10,10 +10,13 @@ from harness.errors import HarnessError, nearest, quoted
 # The words alone: the command line's parser needs them, and not the compiled code that they stand for.
 INITIALISATIONS = ("ramped", "pi-grow", "uniform")
 CROSSOVERS = ("one-point", "fixed-one-point", "subtree")
-MUTATIONS = ("per-codon", "per-genome", "subtree", "structural")
+MUTATIONS = ("per-codon", "per-genome", "subtree", "structural", "edits")
+EDITS = "edits"
 TOURNAMENT, LEXICASE, NOVELTY, MAP_ELITES = SELECTIONS = ("tournament", "lexicase", "novelty", "map-elites")
 GENERATIONAL, _ = REPLACEMENTS = ("generational", "steady-state")
 SAMPLED, EXACT, AUTO = FITNESSES = ("sampled", "exact", "auto")
+RETURN, DISCOUNTED = OBJECTIVES = ("return", "discounted")
+NOWHERE, ANYWHERE, PAYING = WALKS = ("nowhere", "anywhere", "paying")
 LAMARCKIAN, BALDWINIAN = INHERITANCES = ("lamarckian", "baldwinian")
 
 _MOST = 1_000_000  # of every number that names no other limit
@@ -40,6 +43,7 @@ class Parameters:
     fitness: str = _parameter(
         SAMPLED, "return that selects: mean of the episodes, expected, or expected where that is quick", FITNESSES
     )
+    objective: str = _parameter(RETURN, "what is to be high: the return, or that at the domain's discount", OBJECTIVES)
     seed: int = _parameter(0, "of everything random in the run", least=0, most=2**31 - 1)
     shaping: str = _parameter("none", "reward shaping during the search: none, or of BorderCross paper, potential")
     loop: bool = _parameter(False, "programs start again at the top until the episode ends")
@@ -67,7 +71,13 @@ class Parameters:
     crossover_probability: float = _parameter(0.75, "that two parents are crossed", least=0, most=1)
     mutation: str = _parameter("per-codon", "of a child", MUTATIONS)
     mutation_probability: float = _parameter(0.01, "of each codon, or of a child", least=0, most=1)
+    walks: str = _parameter(
+        NOWHERE, "where edits put in a stop, with ways to it and on from it: where actions pay, or anywhere", WALKS
+    )
     replacement: str = _parameter("generational", "how children enter the population", REPLACEMENTS)
+    local_search: int = _parameter(0, "best programs that climb by edits of statements (0: none)", least=0)
+    local_search_every: int = _parameter(5, "generations from one climb to the next", least=1)
+    local_search_evaluations: int = _parameter(250, "programs tried in a climb", least=1)
     refine: int = _parameter(0, "best programs whose constants are tuned at the end (0: none)", least=0)
     refine_every: int = _parameter(0, "generations from one tuning of the best ones' constants to the next", least=0)
     inheritance: str = _parameter(
@@ -92,6 +102,8 @@ class Parameters:
         self._check_structure()
         if self.refine_every and not self.refine:
             raise HarnessError("refine_every needs refine, the number of programs whose constants are tuned")
+        if self.walks != NOWHERE and self.mutation != EDITS and not self.local_search:
+            raise HarnessError("walks are taken by edits: they need mutation edits, or local_search")
         for name in ("episodes", "max_codons", "tournament"):
             _check_together(self.population, name, getattr(self, name))
 

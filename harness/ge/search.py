@@ -18,13 +18,15 @@ from harness.errors import HarnessError
 from harness.ge import grammar as bnf
 from harness.ge import loop, parameter_file
 from harness.ge.defaults import grammar_for
+from harness.ge.edits import Editor
 from harness.ge.fitness import ProgramFitness, check_language
 from harness.ge.folder import RunFolder, State, provenance
 from harness.ge.front import front
 from harness.ge.grammar import Grammar
 from harness.ge.hall import Hall
 from harness.ge.improvements import Improvements
-from harness.ge.parameters import LAMARCKIAN, Parameters, from_record
+from harness.ge.local_search import LocalSearch
+from harness.ge.parameters import EDITS, LAMARCKIAN, Parameters, from_record
 from harness.ge.results import Best, Evolution
 from harness.model.domain import Domain
 from harness.play import population
@@ -146,7 +148,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
     if folder:
         folder.entries = [improvements, hall]
     try:
-        for generation in loop.evolve(setup.grammar, p, fitness, first, start, _refiner(setup, fitness), past):
+        for generation in loop.evolve(setup.grammar, p, fitness, first, start, past, *_variation(setup, fitness)):
             if generation.number == p.generations:
                 generation, rivals = _with_rivals(p, fitness, generation)
             if generation.number == len(rows):  # a checkpoint's own generation has its row
@@ -167,12 +169,17 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
     return _finish(setup, fitness, last, (rivals, hall.programs()), pd.DataFrame(rows), folder)
 
 
-def _refiner(setup: Setup, fitness: ProgramFitness) -> loop.Refine | None:
-    if not setup.parameters.refine_every:
-        return None
-    from harness.ge.refinement import Refiner  # here: it brings in all of the tuning
+def _variation(setup: Setup, fitness: ProgramFitness) -> tuple[list[loop.Lesson], loop.Mutate | None]:
+    """What the best learn, and the mutation where it is by edits."""
+    p, lessons = setup.parameters, []
+    editor = Editor(setup.grammar, fitness.domain, p) if p.local_search or p.mutation == EDITS else None
+    if editor and p.local_search:
+        lessons.append(loop.Lesson(LocalSearch(editor, fitness, p), p.local_search, p.local_search_every))
+    if p.refine_every:
+        from harness.ge.refinement import Refiner  # here: it brings in all of the tuning
 
-    return Refiner(setup.grammar, fitness)
+        lessons.append(loop.Lesson(Refiner(setup.grammar, fitness), p.refine, p.refine_every))
+    return lessons, editor.mutate if editor and p.mutation == EDITS else None
 
 
 def _with_rivals(p: Parameters, fitness: ProgramFitness, last: loop.Generation) -> tuple[loop.Generation, list[str]]:
@@ -230,7 +237,8 @@ def _test(setup: Setup, fitness: ProgramFitness, best: str) -> tuple[float, floa
     """True mean return of a program on fresh episodes, its standard error, and the program's length."""
     p, program = setup.parameters, fitness.compile(best)
     episodes = population.Episodes(rng.HELD_OUT + p.seed, 0, p.test_episodes, p.horizon)
-    returns = population.play(setup.domain.shaped("none"), [program], episodes, setup.engine).returns[0]
+    domain = setup.domain.shaped("none")
+    returns = population.play(domain, [program], episodes, setup.engine, discount=fitness.discount).returns[0]
     return *mean_and_sem(returns), program.length
 
 

@@ -40,7 +40,7 @@ class Played(NamedTuple):
     """What became of P programs in E episodes."""
 
     returns: NDArray[np.float64]
-    """(P, E) undiscounted, of the domain's shaping."""
+    """(P, E) of the domain's shaping."""
     steps: NDArray[np.int64]
     """(P,) environment steps in all episodes together."""
     visited: NDArray[np.int64]
@@ -59,7 +59,12 @@ def _nothing(programs: int, episodes: int) -> Played:
 
 
 def play(
-    domain: Domain, programs: Sequence[Program], episodes: Episodes, engine: str = "tables", workers: int = 1
+    domain: Domain,
+    programs: Sequence[Program],
+    episodes: Episodes,
+    engine: str = "tables",
+    workers: int = 1,
+    discount: float = 1.0,
 ) -> Played:
     """Play every program in every episode.
 
@@ -69,28 +74,32 @@ def play(
         episodes: which episodes; all programs meet the same random numbers.
         engine: ``tables`` or ``julia``.
         workers: threads of the tables engine; the numbers do not depend on it.
+        discount: what a reward loses with every step.
     """
     host.check_memory(*memory(domain, len(programs), episodes.size, episodes.horizon))
     away = executor.current() if engine == "tables" else None
     if engine == "julia":
-        return _play_in_lockstep(domain, programs, episodes)
+        return _play_in_lockstep(domain, programs, episodes, discount)
     if not programs:
         return _nothing(0, episodes.size)
     if away is not None and len(programs) * episodes.size > _WORTH:
-        return _play_away(away, domain, programs, episodes)
-    return _play_compiled(domain, _registers(programs[0].words), episodes, executor.threads(workers), _codes(programs))
+        return _play_away(away, domain, programs, episodes, discount)
+    registers = _registers(programs[0].words)
+    return _play_compiled(domain, registers, episodes, discount, executor.threads(workers), _codes(programs))
 
 
 _WORTH = 50_000  # episodes of programs that are worth the way to another machine: some tenths of a second
 
 
-def _play_away(workers: Workers, domain: Domain, programs: Sequence[Program], episodes: Episodes) -> Played:
+def _play_away(
+    workers: Workers, domain: Domain, programs: Sequence[Program], episodes: Episodes, discount: float
+) -> Played:
     """The same on the workers of :func:`harness.cluster`, so many programs a time."""
     size = max(1, _WORTH // episodes.size)
     items = [(i, _codes(programs[i : i + size])) for i in range(0, len(programs), size)]
     played = _nothing(len(programs), episodes.size)
     for (i, _), part in executor.each(
-        workers, _part, items, domain, _registers(programs[0].words), episodes,
+        workers, _part, items, domain, _registers(programs[0].words), episodes, discount,
         name=lambda item: f"the programs from number {item[0]:,} on, on {domain.name}",
     ):  # fmt: skip
         for whole, piece in zip(played, part, strict=True):
@@ -98,8 +107,10 @@ def _play_away(workers: Workers, domain: Domain, programs: Sequence[Program], ep
     return played
 
 
-def _part(domain: Domain, registers: _Registers, episodes: Episodes, item: tuple[int, _Codes]) -> Played:
-    return _play_compiled(domain, registers, episodes, 1, item[1])
+def _part(
+    domain: Domain, registers: _Registers, episodes: Episodes, discount: float, item: tuple[int, _Codes]
+) -> Played:
+    return _play_compiled(domain, registers, episodes, discount, 1, item[1])
 
 
 class _Registers(NamedTuple):
@@ -142,7 +153,9 @@ def memory(domain: Domain, programs: int, episodes: int, horizon: int) -> tuple[
 _COLUMNS = 12  # numbers of 8 bytes that an episode takes besides its returns, random numbers and belief
 
 
-def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, workers: int, programs: _Codes) -> Played:
+def _play_compiled(
+    domain: Domain, registers: _Registers, episodes: Episodes, discount: float, workers: int, programs: _Codes
+) -> Played:
     count = len(programs.lengths)
     played = _nothing(count, episodes.size)
     last = np.cumsum(programs.lengths)
@@ -157,6 +170,7 @@ def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, wo
         _play(
             domain.tables,
             u,
+            discount,
             start.visible,
             start.values,
             start.observation,
@@ -193,22 +207,24 @@ def _none(domain: Domain) -> int:
     return domain.observations.index("none") if "none" in domain.observations else -1
 
 
-def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Episodes) -> Played:
+def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Episodes, discount: float) -> Played:
     """The same through the engine contract, step by step."""
     played = _nothing(len(programs), episodes.size)
     for p, program in enumerate(programs):
-        _lockstep(domain, program, episodes, played.part(slice(p, p + 1)))
+        _lockstep(domain, program, episodes, discount, played.part(slice(p, p + 1)))
     return played
 
 
-def _lockstep(domain: Domain, program: Program, episodes: Episodes, played: Played) -> None:
+def _lockstep(domain: Domain, program: Program, episodes: Episodes, discount: float, played: Played) -> None:
     """Adds up what becomes of one program."""
+    weight = 1.0
     policy, every, none = ProgramPolicy(program), np.arange(episodes.size), _none(domain)
     places = []  # of episode and visible value; an episode that has ended stays where it is
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
         places.append(every * domain.n_visible + record.batch.visible)
         if record.actions is not None:
-            played.returns[0, record.active] += record.rewards[record.active]
+            played.returns[0, record.active] += weight * record.rewards[record.active]
+            weight *= discount
             played.steps[0] += int(record.active.sum())
             told = record.batch.observation[record.active]
             played.readings[0] += int(((told >= 0) & (told != none)).sum())
@@ -219,6 +235,7 @@ def _lockstep(domain: Domain, program: Program, episodes: Episodes, played: Play
 def _play(
     t: Tables,
     u: NDArray[np.float64],
+    discount: float,
     start_visible: NDArray[np.int32],
     start_values: NDArray[np.int16],
     start_observation: NDArray[np.int32],
@@ -258,7 +275,7 @@ def _play(
             if track:
                 for j in range(marginals.shape[1]):
                     marginals[0, j] = start_marginals[e, j]
-            place, total = 0, 0.0
+            place, total, weight = 0, 0.0, 1.0
             episode = p * u.shape[0] + e
             met[v] = episode
             cells += 1
@@ -276,7 +293,8 @@ def _play(
                     k = choices[va].factor
                     if k >= 0:
                         values[0, k] = outcomes[i].value
-                    total += outcomes[i].reward
+                    total += weight * outcomes[i].reward
+                    weight *= discount
                     steps[p] += 1
                     v = outcomes[i].visible
                     done = outcomes[i].ends

@@ -10,6 +10,7 @@ from harness.program.words import (
     ACT,
     AGAIN,
     AND,
+    AT,
     BELIEF,
     BELOW,
     ELSE,
@@ -81,6 +82,8 @@ def next_action(
                     x = marginals[e, line.arg]
                 elif op == VISIBLE:
                     x = float(visible_values[v, line.arg])
+                elif op == AT:
+                    x = float(v)
                 elif op == REGISTER:
                     x = float(registers[e, line.arg])
                 elif observation < 0:

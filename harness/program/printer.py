@@ -9,6 +9,7 @@ from harness.model.tables import Records
 from harness.program.words import (
     ACT,
     AND,
+    AT,
     COMPARISONS,
     ELSE,
     IF,
@@ -109,6 +110,8 @@ _SYMBOL = {compare: symbol for symbol, compare in COMPARISONS.items()}
 def _test(program: _Compiled, pc: int) -> str:
     words, line = program.words, program.code[pc]
     op, arg, value = int(line["op"]), int(line["arg"]), float(line["value"])
+    if op == AT:
+        return _spelling(words.places, arg)
     if op == REGISTER:
         return f"{_spelling(words.checks, arg)} == {in_quotes(_spelling(words.labels, int(value)))}"
     if op == READING and arg == 1:

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from harness.errors import PolicyError, nearest, quoted
 from harness.model.domain import Domain
 
-ACT, IF, ELSE, WHILE, AGAIN, NOT, AND, OR, BELIEF, VISIBLE, READING, REGISTER = range(12)
+ACT, IF, ELSE, WHILE, AGAIN, NOT, AND, OR, BELIEF, VISIBLE, READING, REGISTER, AT = range(13)
 """Operations; :mod:`harness.program.machine` says what each does."""
 
 BELOW, ABOVE, EQUAL = range(3)
 COMPARISONS = {"<": BELOW, ">": ABOVE, "==": EQUAL}
-"""Comparisons of BELIEF, VISIBLE and READING; REGISTER and labels know EQUAL only."""
+"""Comparisons of BELIEF, VISIBLE and READING; REGISTER, AT and labels know EQUAL only."""
 
 INSTRUCTION = np.dtype(
     [("op", np.int16), ("compare", np.int16), ("arg", np.int32), ("jump", np.int64), ("value", "f8")]
@@ -57,6 +57,8 @@ class Words:
     """A belief feature and its column in the marginals: ``belief(3)``."""
     visible: dict[str, int]
     """A number of the visible part and its column in ``domain.visible_values``: ``x()``."""
+    places: dict[str, int]
+    """A test for a visible value, ``at(4,1)``, and its index; none where nothing is visible, or several look alike."""
     reading: str
     """The latest observation: ``distance()`` on BorderCross, ``reading()`` elsewhere."""
     labels: dict[str, int]
@@ -89,6 +91,10 @@ class Words:
         name = _tight(text)
         if name in self.actions:
             return instruction(ACT, self.actions[name])
+        if name in self.places:
+            return instruction(AT, self.places[name], compare=EQUAL, value=self.places[name])
+        if self.places and name.startswith("at("):
+            raise PolicyError(self._unknown("place", name, self.places))
         if name in self.beliefs or name in self.visible or name == self.reading:
             raise PolicyError(f"{quoted(name)} is no operation: compare it, as in if({name} > …)")
         raise PolicyError(self._unknown("operation", name, self.actions))
@@ -139,6 +145,7 @@ def words_of(domain: Domain) -> Words:
         _operations(domain.actions),
         {name: int(column) for (name, _, _), column in zip(domain.features, domain.feature_columns, strict=True)},
         {f"{name}()": i for i, name in enumerate(domain.visible_names)},
+        _places(domain),
         _READING_WORDS.get(domain.layout["kind"], "reading()"),
         {label: i for i, label in enumerate(domain.observations)},
         registers,
@@ -167,6 +174,12 @@ def in_quotes(label: str) -> str | None:
     if " ".join(label.split()) != label or ('"' in label and "'" in label):
         return None
     return f"'{label}'" if '"' in label else f'"{label}"'
+
+
+def _places(domain: Domain) -> dict[str, int]:
+    values = domain.visible_values[:, : len(domain.visible_names)].tolist()
+    found = {f"at({','.join(map(str, each))})": v for v, each in enumerate(values) if not domain.tables.terminal[v]}
+    return found if domain.visible_names and len(found) == int((~domain.tables.terminal).sum()) else {}
 
 
 def _tight(text: str) -> str:
