@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from harness.play.evaluation import Score
     from harness.tuning.outcome import Tuned
 
-METHODS = ("gradient", "spsa", "score", "cmaes", "lines")
+METHODS = ("gradient", "spsa", "score", "cmaes", "lines", "autodiff")
 MEASURES = ("return", "discounted")
 
 _SETTINGS = "SETTINGS"  # stands in the help for a text that takes the methods themselves
