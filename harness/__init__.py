@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
     from harness.expectation.forward import exact
+    from harness.expectation.smooth.forward import Smooth, smooth
     from harness.expectation.sums import Exact, Interval
     from harness.formats import from_arrays, write_model
     from harness.ge.evaluator import Evaluator
@@ -62,6 +63,7 @@ __all__ = [
     "Policy",
     "PolicyError",
     "Score",
+    "Smooth",
     "SnapshotError",
     "Tunable",
     "aggregate",
@@ -86,6 +88,7 @@ __all__ = [
     "replay",
     "reproduce",
     "resume",
+    "smooth",
     "solve",
     "sweep",
     "sweep_figure",
@@ -112,6 +115,7 @@ _HOME = {
     "Policy": "policy",
     "PolicyError": "errors",
     "Score": "play.evaluation",
+    "Smooth": "expectation.smooth.forward",
     "SnapshotError": "errors",
     "Tunable": "tuning",
     "aggregate": "score.aggregation",
@@ -136,6 +140,7 @@ _HOME = {
     "replay": "show.replay",
     "reproduce": "reproduction",
     "resume": "ge.runs",
+    "smooth": "expectation.smooth.forward",
     "solve": "solver.solving",
     "update_scores": "regression.checking",
     "sweep": "tuning",

@@ -38,6 +38,7 @@ HEAD = "<code> ::= <line> | <code> <line>\n<line> ::= check(3) | if(<test>) <op>
 GRAMMARS = {
     "rocksample": None,
     "rocksample-feedback": None,
+    "rocksample-const": None,
     "digits in the test": HEAD + "<test> ::= belief(3) > 0.<d><d> | <d> == '\"good\"'\n<d> ::= 1 | 2 | 5 | 8\n",
     "a list of numbers": HEAD + "<test> ::= belief(3) '<' <c>\n<c> ::= 0.5 | 0.75 | 1 | 0.125 | 0.5\n",
     "any number of digits": HEAD + "<test> ::= belief(<d>) > 0.<n>\n<n> ::= <d> | <d><n>\n<d> ::= 1 | 4 | 7\n",
