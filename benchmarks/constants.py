@@ -29,7 +29,7 @@ from harness.model.domain import Domain
 
 SHARED = {
     "population": 100, "generations": 10_000, "episodes": 100, "tournament": 5, "crossover": "subtree",
-    "mutation": "structural", "mutation_probability": 0.5, "max_init_depth": 20,
+    "mutation": "structural", "mutation_probability": 0.5, "max_init_depth": 12,
 }  # fmt: skip
 ARMS: dict[str, dict[str, object]] = {
     "plain": {},
@@ -79,7 +79,7 @@ def row(name: str, returns: dict[str, NDArray[np.float64]]) -> list[str]:
     return cells
 
 
-def main(seeds: int = 10, millions: int = 10) -> None:
+def main(seeds: int = 10, millions: int = 4) -> None:
     domain, rows = harness.load("rocksample-7x8"), []
     for name, sensor in SENSORS.items():
         harder = with_sensor(domain, *sensor)

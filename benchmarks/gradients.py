@@ -8,6 +8,7 @@ return, by hard thresholds, where each run stands then: the mean over the seeds,
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 import numpy as np
@@ -77,10 +78,8 @@ def ended(domain: Domain, start: str, method: str, seed: int, steps: int) -> flo
     """Exact return where a method stands after so many steps, or at its end if that is earlier."""
     subject, measure = tunable(start, domain), STARTS[start]
     search = configure(METHODS[method], subject, seed, SETTINGS[method] | {"iterations": 10_000})
-    try:
+    with contextlib.suppress(Spent):
         climb(search, Counted(domain, subject, rng.TRAINING + seed, measure, steps), Journal(subject.names))
-    except Spent:
-        pass
     found = harness.exact(domain, subject.policy(rounded(subject, search.theta)))
     return (found.mean if measure == "return" else found.discounted).middle
 

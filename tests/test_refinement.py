@@ -254,9 +254,10 @@ def best_individuals(grammar, fitness, size=40):
 
 
 class TestRefiner:
+    @pytest.mark.parametrize("tuner", ["lines", "autodiff"])
     @pytest.mark.parametrize("inheritance", ["lamarckian", "baldwinian"])
-    def test_never_worse_on_the_tuning_episodes(self, rocksample, words, inheritance):
-        p = Parameters(refine=5, refine_every=1, inheritance=inheritance, refine_episodes=60)
+    def test_never_worse_on_the_tuning_episodes(self, rocksample, words, inheritance, tuner):
+        p = Parameters(refine=5, refine_every=1, inheritance=inheritance, refine_episodes=60, tuner=tuner)
         fitness, grammar = ProgramFitness(rocksample, p, "tables", 1), bnf.parse(LOOK)
         individuals = best_individuals(grammar, fitness)
         learnt, steps = Refiner(grammar, fitness)(individuals, 7)
@@ -303,6 +304,7 @@ KINDS = {
     "end": {},
     "lamarckian": {"refine_every": 3, "inheritance": "lamarckian"},
     "baldwinian": {"refine_every": 3, "inheritance": "baldwinian"},
+    "autodiff": {"refine_every": 3, "tuner": "autodiff"},
 }
 
 
