@@ -224,11 +224,12 @@ def _summary(result: Tuned) -> str:
 
     run = result.config["run"]
     kind = "discounted" if run["measure"] == "discounted" else "undiscounted"
-    points = len(result.history)
+    points, episodes = len(result.history), result.history["episodes"].iloc[0]
+    evaluations = "smooth returns" if run["method"] == "autodiff" else f"evaluations of {episodes:,} episodes"
     return "\n".join(
         [
             f"{run['method']} on {run['domain']} from {brief(run['policy'])}, {kind} return, seed {run['seed']}: "
-            f"{points:,} evaluations of {result.history['episodes'].iloc[0]:,} episodes",
+            f"{points:,} {evaluations}",
             f"stopped: {result.stopped}",
             "",
             *(f"  {line}" for line in result.best.policy.splitlines()),
