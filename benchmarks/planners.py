@@ -8,7 +8,8 @@ several repetitions of each, in turn. The rocks of pomdp-py's own generator lie 
 
 With --julia whole episodes are played, and each planner of POMDPs.jl stands beside ours of the same settings: what both
 earn, and the processor's time an action. AdaOPS has no counterpart. After an episode that compiles. BasicPOMCP is given
-the exact belief, as ours is, and makes a new tree at every step, where ours keeps what came true.
+the exact belief, as ours is. By itself it rolls out by all actions, illegal ones too, and tries them in its tree;
+here it has the legal ones, as ours has, and ours makes a new tree at every step, as it does.
 """
 
 from __future__ import annotations
@@ -20,11 +21,15 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from tabulate import tabulate
 
 import harness
 from harness import policy as policies
+from harness.engine.batch import Batch
 from harness.play.evaluation import evaluate, simulate
+from harness.policy.planner import pomcp
 
 DOMAIN = "rocksample-7x8"
 REPETITIONS = 3
@@ -36,6 +41,13 @@ leave(m) = FunctionPolicy(_ -> actions(m)[2])
 """
 PEERS = {
     "BasicPOMCP": (
+        """using BasicPOMCP, PomdpHarness, POMDPs, POMDPTools
+        POMDPs.actions(m::RockSample, b::BasicPOMCP.LeafNodeBelief) = actions(m, b.sp)
+        POMCPSolver(tree_queries = 1000, c = 20.0, max_depth = 90,
+            estimate_value = FORollout(RandomSolver())) => belief_updater""",
+        "pomcp:1000,rollout=legal,exploration=20",
+    ),
+    "BasicPOMCP, all actions": (
         "using BasicPOMCP, PomdpHarness\nPOMCPSolver(tree_queries = 1000, c = 20.0, max_depth = 90) => belief_updater",
         "pomcp:1000,rollout=legal,exploration=20",
     ),
@@ -110,10 +122,25 @@ def beside_pomdp_py() -> None:
     print(tabulate(rows, headers=["simulations", "ours (ms)", "pomdp-py (ms)", "ratio"], disable_numparse=True))
 
 
+class Forgetful(pomcp.POMCPPolicy):
+    """POMCP with a new tree at every step."""
+
+    def act(self, batch: Batch) -> NDArray[np.int32]:
+        self._used[:] = 0
+        return super().act(batch)
+
+
+def policy_of(spec: str, domain: harness.Domain) -> harness.Policy:
+    made = policies.make(spec, domain)[1]
+    if isinstance(made, pomcp.POMCPPolicy):
+        made.__class__ = Forgetful
+    return made
+
+
 def played(spec: str, engine: str, episodes: int) -> tuple[str, float]:
     """What a policy earns, and its milliseconds an action; the clock starts when it is made and compiled."""
     domain = harness.load(DOMAIN)
-    policy = policies.make(spec, domain)[1]
+    policy = policy_of(spec, domain)
     settings = {"horizon": 90, "engine": engine, "workers": 1}
     evaluate(domain, policy, episodes=1, seed=1, **settings)
     started = time.process_time()

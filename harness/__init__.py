@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from harness.formats import from_arrays, write_model
     from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
+    from harness.ge.simplifying import simplify
     from harness.model.domain import Domain
     from harness.play.cluster import cluster
     from harness.play.conformance import ConformanceError, check_domain, check_policy
@@ -88,6 +89,7 @@ __all__ = [
     "replay",
     "reproduce",
     "resume",
+    "simplify",
     "smooth",
     "solve",
     "sweep",
@@ -140,6 +142,7 @@ _HOME = {
     "replay": "show.replay",
     "reproduce": "reproduction",
     "resume": "ge.runs",
+    "simplify": "ge.simplifying",
     "smooth": "expectation.smooth.forward",
     "solve": "solver.solving",
     "update_scores": "regression.checking",

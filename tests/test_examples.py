@@ -11,6 +11,7 @@ import pytest
 
 import harness
 from harness.engine import rng
+from tests import models
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 PROGRAM = "# EVOLVE-BLOCK-START\nloop right()\n# EVOLVE-BLOCK-END\n"
@@ -42,6 +43,16 @@ def test_optuna_studies_thresholds():
     policy, value = run("optuna_thresholds")["main"](trials=3, episodes=20)
     theta = [float(part.split("=")[1]) for part in policy.partition(":")[2].split(",")]
     assert harness.Evaluator("rocksample-7x8", policy="thresholds", episodes=80)([theta])[0] == pytest.approx(value)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_paynt_s_controller_earns_what_paynt_says(tmp_path):
+    pytest.importorskip("paynt", reason="needs PAYNT")
+    model = tmp_path / "tiger.pomdp"
+    harness.write_model(models.tiger(), model)
+    value, controller = run("paynt_controller")["main"](model, seconds=3.0, folder=tmp_path)
+    found = harness.exact(str(model), f"fsc:{controller}", horizon=600)
+    assert found.discounted.low == pytest.approx(value, rel=1e-3)
 
 
 def test_the_function_for_openevolve_scores_programs_and_says_what_is_wrong(tmp_path):

@@ -266,10 +266,26 @@ class TestSolving:
         direct = played(tiger, path, 3000)
         assert agree(stored.discounted, direct.discounted)
 
+    def test_a_value_at_states_is_stored_as_what_actions_are_worth_by_it(self, rocksample, written):
+        """Of the fully observed problem's value that makes QMDP, which QMDP.jl has solved."""
+        from harness.solver.julia import solve
+
+        path = written(
+            "using DiscreteValueIteration, POMDPs, POMDPTools\n"
+            "m -> solve(SparseValueIterationSolver(max_iterations = 1000, belres = 1e-9), UnderlyingMDP(m))"
+        )
+        ours, qmdp = solve(rocksample, path, {}), solve(rocksample, "qmdp", {})
+        assert ours.record["solver"].startswith("DiscreteValueIteration ")
+        for name in ("visible", "actions"):
+            assert np.array_equal(ours.arrays[name], qmdp.arrays[name])
+        assert np.allclose(ours.arrays["values"], qmdp.arrays["values"], atol=1e-4)
+
     def test_a_planner_has_none(self, tiger, written):
         from harness.solver.julia import solve
 
-        with pytest.raises(harness.JuliaError, match=r"planner\.jl: a RandomPolicy has no alpha vectors to store"):
+        with pytest.raises(
+            harness.JuliaError, match=r"planner\.jl: a RandomPolicy has neither alpha vectors nor a value"
+        ):
             solve(tiger, written("using POMDPTools\nRandomPolicy"), {})
 
 

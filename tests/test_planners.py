@@ -16,6 +16,7 @@ from harness.engine.tables import TablesEngine
 from harness.model.splitmix import next_uniform
 from harness.play.evaluation import evaluate, simulate
 from harness.policy.planner import despot, hindsight, scenarios, tree
+from harness.policy.planner.random_play import random_return, ways_of
 from harness.tuning import sweeping
 from tests import models
 from tests.conftest import size
@@ -344,3 +345,46 @@ def test_a_sweep_over_simulations_says_what_an_action_takes(tmp_path):
 def test_wrong_ends_of_a_sweep_are_explained(given, words):
     with pytest.raises(harness.HarnessError, match=words):
         harness.sweep("rocksample-7x8", "pomcp", log=True, engine="tables", **given)
+
+
+def test_a_sweep_of_despot_varies_the_number_that_is_named():
+    sweep = harness.sweep(
+        "rocksample-7x8", "despot:20,lambda=0", parameter="trials", values=[1, 4], episodes=2, horizon=4,
+        engine="tables",
+    )  # fmt: skip
+    assert sweep["policy"].tolist() == [f"despot:20,trials={n},lambda=0" for n in (1, 4)]
+    again = played(harness.load("rocksample-7x8"), "despot:20,lambda=0,trials=4", episodes=2, horizon=4)
+    assert sweep["mean"].iloc[1] == again.score.mean
+    with pytest.raises(harness.HarnessError, match="one of: scenarios, trials"):
+        harness.sweep("rocksample-7x8", "despot", values=[1], engine="tables")
+    with pytest.raises(harness.HarnessError, match="leave time out"):
+        harness.sweep("rocksample-7x8", "pomcp:time=5ms", values=[1], engine="tables")
+
+
+def test_random_play_earns_on_tiger_what_sums_say():
+    """Every step draws one of three actions, whose mean reward is the same in both states."""
+    tiger, steps, n = models.tiger(), 20, 4000
+    t, state = tiger.tables, np.array([7], dtype=np.uint64)
+    generator = np.random.default_rng(1)
+    returns = [
+        random_return(
+            ways_of(tiger), t.choices, t.rows, t.outcomes, 3, 0.95, steps, 0, int(generator.integers(3)),
+            np.array([[generator.integers(2)]], dtype=np.int16), state,
+        )
+        for _ in range(n)
+    ]  # fmt: skip
+    expected = (-1 + (10 - 100) / 2 * 2) / 3 * (1 - 0.95**steps) / (1 - 0.95)
+    assert abs(np.mean(returns) - expected) < 4 * np.std(returns) / math.sqrt(n)
+
+
+def test_ways_are_plain_where_nothing_hidden_matters():
+    domain = small_rocksample()
+    ways = ways_of(domain).reshape(domain.n_visible, domain.n_actions)
+    at = {tuple(cell): v for v, cell in enumerate(domain.visible_values.tolist())}
+    right, sample, check = (domain.action(name) for name in ("right()", "sample()", "check(1)"))
+    on_rock, beside = ways[at[1, 1]], ways[at[0, 1]]
+    assert (on_rock["plain"][sample], beside["plain"][sample]) == (False, True)
+    assert beside[right].tolist() == (at[1, 1], True, True, False, 0.0)
+    assert beside[check].tolist() == (at[0, 1], True, True, False, 0.0)  # what it reads is not looked at
+    assert ways[at[2, 1]][right].tolist()[1:] == (True, True, True, 10.0)
+    assert not ways[at[0, 1]][domain.action("left()")]["legal"]

@@ -17,7 +17,17 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import NoReturn
 
 import harness
-from harness.cli import checks, evolution, literature, models, reporting, reproduction, scores, tuning
+from harness.cli import (
+    checks,
+    evolution,
+    literature,
+    models,
+    programs,
+    reporting,
+    reproduction,
+    scores,
+    tuning,
+)
 from harness.errors import LONGEST_QUOTE, HarnessError, quoted, sentence
 
 
@@ -110,6 +120,6 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
     parser = _Parser(prog="harness", description="Benchmark of evolved, heuristic and solved POMDP policies.")
     parser.add_argument("--version", action="version", version=f"%(prog)s {harness.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=_Parser)
-    for room in (scores, literature, evolution, tuning, reproduction, reporting, checks, models):
+    for room in (scores, literature, evolution, programs, tuning, reproduction, reporting, checks, models):
         room.register(commands)
     return parser, commands.choices

@@ -39,14 +39,14 @@ def register(commands: Any) -> None:
     sweep.add_argument(
         "--policy",
         metavar="SPEC",
-        help="a policy with a number: belief, program:FILE, a planner (pomcp), a Tunable own.py:NAME",
+        help="a policy with a number: belief, program:FILE, a planner (pomcp, despot), a Tunable own.py:NAME",
     )
     sweep.add_argument("--parameter", metavar="NAME", help="which number, where the policy has several")
     sweep.add_argument("--from", dest="start", type=number, metavar="X", help="default: the number's lower bound")
     sweep.add_argument("--to", dest="stop", type=number, metavar="X", help="default: its upper bound")
     sweep.add_argument("--points", type=positive, metavar="N", help="default 51, with --log three a decade")
     sweep.add_argument("--log", action="store_const", const=True, help="steps of equal ratio: --from 10 --to 100000")
-    episode_arguments(sweep, episodes="at each point (default 10000, of a planner 1000)", resumable=True)
+    episode_arguments(sweep, episodes="at each point (default 10000, of a planner 100)", resumable=True)
     _folder_arguments(sweep, "keep sweep.json, sweep.csv and sweep.png there")
     sweep.set_defaults(run=_sweep)
 

@@ -23,6 +23,11 @@ def identifiers(names: Sequence[str], letter: str) -> list[str]:
     return spelled if len(set(spelled)) == len(names) else [f"{letter}{i}" for i in range(len(names))]
 
 
+def shown(visible: int, reading: str) -> str:
+    """The observation of a ``.pomdp`` file that tells a visible value and a reading."""
+    return f"v{visible}_{reading}"
+
+
 def tokens(names: Sequence[str], letter: str) -> list[str]:
     """Names without white space, as POMDPX files need them; nearly all stay as they are."""
     spelled = ["_".join(name.split()) for name in names]

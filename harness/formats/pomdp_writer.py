@@ -146,7 +146,7 @@ def _transitions(flat: _Flat, arrows: Arrows, actions: list[str], states: list[s
 
 def _observations(flat: _Flat) -> list[str]:
     names = naming.identifiers(flat.domain.observations, "o")
-    return [f"v{v}_{name}" for v in range(flat.domain.n_visible) for name in names] if flat.shown else names
+    return [naming.shown(v, name) for v in range(flat.domain.n_visible) for name in names] if flat.shown else names
 
 
 def _readings(flat: _Flat, arrows: Arrows, actions: list[str], states: list[str]) -> Iterator[str]:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from harness import files
 from harness.engine.batch import Batch
 from harness.errors import PolicyError, nearest, quoted
+from harness.formats import naming
 from harness.model.domain import Domain
 from harness.model.tables import STOP
 from harness.policy.base import fitting
@@ -76,8 +77,8 @@ class FileController:
 def read_controller(path: Path, domain: Domain) -> Nodes:
     """Read a controller: JSON of the form above, or as PAYNT writes it (``action_function`` and ``update_function``).
 
-    PAYNT's controllers are read for domains with one visible value besides terminal ones. Their observations are the
-    domain's readings, by ``observation_labels`` or in order; a label that is none stands for no reading yet.
+    PAYNT is given a domain as a ``.pomdp`` file (``harness export``), whose spelling of actions and readings its
+    controller has. There a first step ``init``, which is none of the domain's, draws the state.
 
     Raises:
         PolicyError: the file is no controller of the domain; the message says where.
@@ -93,6 +94,48 @@ def read_controller(path: Path, domain: Domain) -> Nodes:
         return reader(record, domain)
     except PolicyError as error:
         raise PolicyError(f"{path}: {error}") from None
+
+
+def to_record(nodes: Nodes, domain: Domain) -> dict[str, Any]:
+    """The JSON of a controller, as :func:`read_controller` reads it.
+
+    Before the first reading a node does what its rules say without one. Only the start node is taken to be there then.
+    """
+    named = enumerate(zip(nodes.action, nodes.next, strict=True))
+    return {
+        "start": str(nodes.start),
+        "nodes": {str(i): _rules_of(*node, i == nodes.start, domain) for i, node in named},
+    }
+
+
+def _rules_of(
+    action: NDArray[np.int32], following: NDArray[np.int32], begins: bool, domain: Domain
+) -> list[dict[str, Any]]:
+    """The rules of a node: readings alone where what is visible decides nothing; the most common at last."""
+    alive = np.flatnonzero(~domain.tables.terminal).tolist()
+    kinds = [list(zip(*rows, strict=True)) for rows in zip(action.tolist(), following.tolist(), strict=True)]
+    usual = {v: kinds[v][0] if begins else _commonest(kinds[v][1:]) for v in alive}
+    alike = all(kinds[v][1:] == kinds[alive[0]][1:] and usual[v] == usual[alive[0]] for v in alive)
+    last = _commonest(list(usual.values()))
+    rules = []
+    for v in alive[:1] if alike else alive:
+        seen = zip(domain.visible_names, domain.visible_values[v].tolist(), strict=True)
+        place = {} if alike else {"visible": dict(seen)}
+        for o, name in enumerate(domain.observations):
+            if kinds[v][o + 1] != usual[v]:
+                rules.append({**place, "reading": name, **_done(kinds[v][o + 1], domain)})
+        if usual[v] != last:
+            rules.append({**place, **_done(usual[v], domain)})
+    return [*rules, _done(last, domain)]
+
+
+def _commonest(kinds: list[tuple[int, int]]) -> tuple[int, int]:
+    return max(dict.fromkeys(kinds), key=kinds.count)
+
+
+def _done(kind: tuple[int, int], domain: Domain) -> dict[str, Any]:
+    action, node = kind
+    return {"do": "stop"} if action == STOP else {"do": domain.actions[action], "go": str(node)}
 
 
 def _of_rules(record: dict[str, Any], domain: Domain) -> Nodes:
@@ -173,9 +216,10 @@ def _tables(nodes: int, domain: Domain) -> tuple[NDArray[np.int32], NDArray[np.i
 _OF_PAYNT = ("action_function", "update_function", "num_nodes", "num_observations")
 
 
+_INIT, _NOTHING = "init", "__no_obs__"  # PAYNT's own observations: at its first step, and after it
+
+
 def _of_paynt(record: dict[str, Any], domain: Domain) -> Nodes:
-    if (~domain.tables.terminal).sum() != 1:
-        raise PolicyError(f"controllers of PAYNT are read for domains with one visible value, not for {domain.name}")
     does, goes, count, seen = (record.get(name) for name in _OF_PAYNT)
     if (
         not isinstance(does, list)
@@ -184,20 +228,32 @@ def _of_paynt(record: dict[str, Any], domain: Domain) -> Nodes:
         or not (_is_table(does, count, seen) and _is_table(goes, count, seen))
     ):
         raise PolicyError("action_function and update_function must be lists of num_nodes lists of num_observations")
-    labels = record.get("observation_labels") or list(domain.observations)[:seen]
-    columns = [domain.observations.index(o) + 1 if o in domain.observations else 0 for o in labels]
-    if len(set(columns)) != seen:
-        raise PolicyError(
-            f"observation_labels are not the readings of {domain.name} ({', '.join(domain.observations)})"
-        )
+    labels = record.get("observation_labels")
+    if not isinstance(labels, list) or len(labels) != seen:
+        raise PolicyError("observation_labels must be a list of num_observations names")
+    spelled = _spelled_readings(domain)
     action, following = _tables(count, domain)
-    for node in range(count):
-        for z, column in enumerate(columns):
-            action[node, :, column] = _action(does[node][z], record.get("action_labels"), domain)
-            following[node, :, column] = _number(goes[node][z], count)
-        if 0 not in columns:  # before the first reading: as after the first of them
-            action[node, :, 0], following[node, :, 0] = action[node, :, columns[0]], following[node, :, columns[0]]
-    return Nodes(0, action, following)
+    for z, label in enumerate(labels):
+        if label == _INIT and label not in spelled:
+            continue
+        if label not in spelled:
+            raise PolicyError(f"{quoted(label)} is no reading of {domain.name} as `harness export` spells it")
+        visible, column = spelled[label]
+        for node in range(count):
+            action[node, visible, column] = _action(does[node][z], record.get("action_labels"), domain)
+            following[node, visible, column] = _number(goes[node][z], count)
+    start = _number(goes[0][labels.index(_INIT)], count) if _INIT in labels and _INIT not in spelled else 0
+    return Nodes(start, action, following)
+
+
+def _spelled_readings(domain: Domain) -> dict[Any, tuple[int | slice, int]]:
+    """The visible values and the column that an observation of the domain's ``.pomdp`` file stands for, by its name."""
+    everywhere = slice(None)
+    spelled: dict[Any, tuple[int | slice, int]] = {_NOTHING: (everywhere, 0)}
+    for o, name in enumerate(naming.identifiers(domain.observations, "o")):
+        spelled |= {naming.shown(v, name): (v, o + 1) for v in range(domain.n_visible)}
+        spelled |= {name: (everywhere, o + 1), domain.observations[o]: (everywhere, o + 1)}
+    return spelled
 
 
 def _is_table(table: Any, rows: Any, columns: Any) -> bool:
@@ -207,7 +263,7 @@ def _is_table(table: Any, rows: Any, columns: Any) -> bool:
 
 
 def _action(given: Any, labels: Any, domain: Domain) -> int:
-    """An action by index or label; of a distribution the only one it has; None never happens there."""
+    """An action by the number of its label, which PAYNT puts in brackets; of a distribution the only one it has."""
     if isinstance(given, dict):
         if len(given) != 1:
             raise PolicyError("its actions are random; a controller with one action a node and observation is needed")
@@ -215,11 +271,13 @@ def _action(given: Any, labels: Any, domain: Domain) -> int:
     if given is None:
         return STOP
     number = int(given) if isinstance(given, int) or str(given).isdecimal() else -1
-    label = labels[number] if isinstance(labels, list) and 0 <= number < len(labels) else given
-    if label in domain.actions:
-        return domain.actions.index(label)
-    if labels is None and 0 <= number < domain.n_actions:
-        return number
+    if not isinstance(labels, list) or not 0 <= number < len(labels):
+        raise PolicyError(f"action_labels names no action {quoted(given)}")
+    label = str(labels[number])
+    spelled = naming.identifiers(domain.actions, "a")
+    for names, name in ((domain.actions, label), (spelled, label), (spelled, label[1:-1])):
+        if name in names:
+            return names.index(name)
     raise PolicyError(f"{quoted(label)} is no action of {domain.name}")
 
 

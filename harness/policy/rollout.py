@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from harness.engine.batch import Batch
 from harness.model.domain import Domain
-from harness.model.splitmix import next_uniform
-from harness.model.tables import Records, Tables, compiled, draw_outcome, row_of
+from harness.model.tables import Records, Tables, compiled
 from harness.policy.base import Stateless
-from harness.policy.planner.simulating import draw_hidden, random_legal
+from harness.policy.planner.random_play import random_return, ways_of
+from harness.policy.planner.simulating import draw_hidden
 
 SIMULATIONS_DEFAULT = 100
 
@@ -32,6 +32,7 @@ class RolloutPolicy(Stateless):
         """``simulations`` an action; ``horizon``: steps after which a simulation is cut, counted from now."""
         self.simulations = simulations
         self.horizon = horizon
+        self._ways = ways_of(domain)
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """The best action by simulation, for each episode."""
@@ -39,44 +40,15 @@ class RolloutPolicy(Stateless):
         seeds = (batch.uniform() * 2.0**53).astype(np.uint64)
         domain = batch.domain
         _rollout_act(
-            domain.tables, domain.discount, self.simulations, self.horizon, batch.visible, batch.tracked(), batch.done,
-            seeds, actions,
+            self._ways, domain.tables, domain.discount, self.simulations, self.horizon, batch.visible, batch.tracked(),
+            batch.done, seeds, actions,
         )  # fmt: skip
         return actions
 
 
 @compiled
-def _simulate(
-    choices: Records,
-    rows: Records,
-    outcomes: Records,
-    n_actions: int,
-    discount: float,
-    horizon: int,
-    v: int,
-    a: int,
-    values: NDArray[np.int16],
-    state: NDArray[np.uint64],
-) -> float:
-    """Discounted return of ``a`` and then random legal actions; ``values`` (1, K) is overwritten."""
-    total, weight = 0.0, 1.0
-    for _ in range(horizon):
-        va = v * n_actions + a
-        i, _ = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), next_uniform(state))
-        k = choices[va].factor
-        if k >= 0:
-            values[0, k] = outcomes[i].value
-        total += weight * outcomes[i].reward
-        weight *= discount
-        v = outcomes[i].visible
-        if outcomes[i].ends:
-            break
-        a = random_legal(choices, rows, n_actions, v, values, state)
-    return total
-
-
-@compiled
 def _rollout_act(
+    ways: Records,
     t: Tables,
     discount: float,
     simulations: int,
@@ -103,8 +75,8 @@ def _rollout_act(
             for a in range(n_actions):
                 for k in range(n_factors):
                     values[0, k] = hidden[0, k]
-                totals[a] += _simulate(
-                    choices, rows, outcomes, n_actions, discount, horizon, visible[e], a, values, state
+                totals[a] += random_return(
+                    ways, choices, rows, outcomes, n_actions, discount, horizon, visible[e], a, values, state
                 )
         best = 0
         for a in range(1, n_actions):

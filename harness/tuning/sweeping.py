@@ -18,7 +18,6 @@ from harness.errors import HarnessError, quoted
 from harness.model.domain import Domain
 from harness.play import executor
 from harness.play.evaluation import EPISODES, HORIZON, Score
-from harness.policy.planner.pomcp import POMCPPolicy
 from harness.progress import Bar, Progress
 from harness.tuning import budgets, journal
 from harness.tuning.method import MOST_EPISODES, MOST_STEPS, check_number
@@ -59,8 +58,9 @@ def sweep(
 
     Args:
         domain: a domain or its name. Scores are of the true reward, whatever the domain's shaping.
-        policy: a policy string such as ``belief``, or an object of the Tunable protocol; a planner (``pomcp``) is swept
-            over its simulations, and its rows say the ``milliseconds`` an action.
+        policy: a policy string such as ``belief``, or an object of the Tunable protocol; a planner is swept over
+            its budget (``pomcp``: simulations; ``despot``: scenarios or trials), and its rows say the ``milliseconds``
+            an action.
         values: of the number; by default ``points`` equal steps from ``start`` to ``stop``.
         parameter: which number; may be left out where there is only one.
         start: first value (default: the number's lower bound).
@@ -92,7 +92,7 @@ def sweep(
     k = index_of(subject, parameter)
     values = _values(subject, k, values, start, stop, points, log)
     if episodes is None:
-        episodes = EPISODES if planner is None else POMCPPolicy.max_episodes
+        episodes = EPISODES if planner is None else planner.max_episodes
     check_number("episodes", episodes, True, 1, MOST_EPISODES)
     check_number("horizon", horizon, True, 1, MOST_STEPS)
     check_number("seed", seed, True, 0, 2**64 - 1)
@@ -187,7 +187,7 @@ def _values(
         ends = low if start is None else _number("start", start), high if stop is None else _number("stop", stop)
         _check_range(subject.names[k], ends, low, high)
         values = _grid(*ends, points, log)
-        if isinstance(subject, budgets.Simulations):  # whole ones, each once
+        if isinstance(subject, budgets.Budgeted):  # whole ones, each once
             values = sorted({float(round(x)) for x in values})
     if not 0 < len(values) <= MOST_POINTS:
         raise HarnessError(f"a sweep needs values, {MOST_POINTS:,} at most, not {len(values):,}")

@@ -16,7 +16,8 @@ from harness.model.tables import Records, compiled, draw_outcome, draw_reading, 
 from harness.policy.base import fitting
 from harness.policy.planner.budget import MOST, Budget, number, parse, whole
 from harness.policy.planner.preferred import Preferences, names_preferred, note, preferences_of, preferred
-from harness.policy.planner.simulating import LONGEST, Model, draw_hidden, model_of, random_legal, reward_range
+from harness.policy.planner.random_play import random_legal, random_return
+from harness.policy.planner.simulating import LONGEST, Model, draw_hidden, model_of, reward_range
 from harness.policy.planner.tree import EDGE, NODE, add_node, advance, child_of, nodes_for, tree_bytes
 
 WORD = "pomcp"
@@ -197,23 +198,6 @@ def _select(
 
 
 @inlined
-def _roll_out(
-    choices: Records,
-    rows: Records,
-    n_actions: int,
-    v: int,
-    values: NDArray[np.int16],
-    options: NDArray[np.int32],
-    count: int,
-    state: NDArray[np.uint64],
-) -> int:
-    """One of the ``count`` preferred actions, or of the legal ones where there is none."""
-    if count > 0:
-        return int(options[int(next_uniform(state) * count)])
-    return random_legal(choices, rows, n_actions, v, values, state)
-
-
-@inlined
 def _expect(edges: Records, first: int, options: NDArray[np.int32], count: int, hope: float) -> None:
     """Begin a history with some visits of its ``count`` preferred actions that were worth ``hope``."""
     for j in range(count):
@@ -228,19 +212,17 @@ def _back_up(
     n_actions: int,
     discount: float,
     taken: NDArray[np.int64],
-    below: int,
     paid: NDArray[np.float64],
-    depth: int,
+    below: int,
+    total: float,
 ) -> None:
-    """Count a simulation of ``depth`` steps in the means of its ``below`` first ones, which lie in the tree."""
-    total = 0.0
-    for d in range(depth - 1, -1, -1):
+    """Count a simulation in the means of its ``below`` steps in the tree; ``total`` is what came after them."""
+    for d in range(below - 1, -1, -1):
         total = paid[d] + discount * total
-        if d < below:
-            edge = taken[d]
-            nodes[edge // n_actions].visits += 1
-            edges[edge].visits += 1
-            edges[edge].value += (total - edges[edge].value) / edges[edge].visits
+        edge = taken[d]
+        nodes[edge // n_actions].visits += 1
+        edges[edge].visits += 1
+        edges[edge].value += (total - edges[edge].value) / edges[edge].visits
 
 
 @inlined
@@ -288,28 +270,42 @@ def _descend(
 
 
 @compiled
-def _play_on(m: Model, p: Preferences, s: Scratch, state: NDArray[np.uint64], v: int, depth: int) -> int:
-    """Roll out from visible value ``v`` after ``depth`` steps; after how many it ends."""
-    choices, rows, outcomes, reading_cdf, n_actions = m.choices, m.rows, m.outcomes, m.reading_cdf, m.n_actions
+def _play_on(m: Model, p: Preferences, s: Scratch, state: NDArray[np.uint64], v: int, steps: int) -> float:
+    """Discounted return of a rollout by preferred actions, legal ones where there is none, from visible value ``v``."""
+    ways, choices, rows, outcomes, reading_cdf = m.ways, m.choices, m.rows, m.outcomes, m.reading_cdf
+    n_actions = m.n_actions
     here, closer, weight, right, sample, check, good = p.here, p.closer, p.weight, p.right, p.sample, p.check, p.good
-    horizon, values, options, tally, readings, paid = m.horizon, s.values, s.options, s.tally, s.readings, s.paid
-    count, running = 0, True
-    while running:
-        if len(here) > 0:
-            count = preferred(here, closer, right, sample, check, v, tally, readings, options)
-        a = _roll_out(choices, rows, n_actions, v, values, options, count, state)
+    values, options, tally, readings = s.values, s.options, s.tally, s.readings
+    total, worth = 0.0, 1.0
+    for _ in range(steps):
+        count = preferred(here, closer, right, sample, check, v, tally, readings, options)
+        if count > 0:
+            a = int(options[int(next_uniform(state) * count)])
+        else:
+            a, state[0] = random_legal(ways, choices, rows, n_actions, v, values, state[0])
         va = v * n_actions + a
         i, left = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), next_uniform(state))
         if choices[va].factor >= 0:
             values[0, choices[va].factor] = outcomes[i].value
         o = draw_reading(reading_cdf, outcomes[i].reading, left)
-        paid[depth] = outcomes[i].reward
-        if len(here) > 0:
-            note(here, weight, sample, check, good, v, a, o, tally, readings)
+        note(here, weight, sample, check, good, v, a, o, tally, readings)
+        total += worth * outcomes[i].reward
+        worth *= m.discount
         v = outcomes[i].visible
-        depth += 1
-        running = not outcomes[i].ends and depth < horizon
-    return depth
+        if outcomes[i].ends:
+            break
+    return total
+
+
+@compiled
+def _beyond(m: Model, p: Preferences, s: Scratch, state: NDArray[np.uint64], v: int, steps: int) -> float:
+    """Discounted return of a rollout from a new history: by preferred actions, or by legal ones where none are."""
+    if len(p.here) > 0:
+        return _play_on(m, p, s, state, v, steps)
+    a, state[0] = random_legal(m.ways, m.choices, m.rows, m.n_actions, v, s.values, state[0])
+    return random_return(
+        m.ways, m.choices, m.rows, m.outcomes, m.n_actions, m.discount, steps, v, a, s.values, state
+    )  # fmt: skip
 
 
 @compiled
@@ -336,14 +332,12 @@ def _plan(
         s.tally[:] = tally
         s.readings[:] = readings
         v, o, below, running = _descend(m, p, nodes, edges, s, state, exploration)
-        depth = below
         if running and used < len(nodes):
             add_node(nodes, edges, m.n_actions, used, s.taken[below - 1], v, o, -1)
             _expect(edges, used * m.n_actions, s.options, _options(p, s, v), hope)
             used += 1
-        if running:
-            depth = _play_on(m, p, s, state, v, below)
-        _back_up(nodes, edges, m.n_actions, m.discount, s.taken, below, s.paid, depth)
+        total = _beyond(m, p, s, state, v, m.horizon - below) if running else 0.0
+        _back_up(nodes, edges, m.n_actions, m.discount, s.taken, s.paid, below, total)
     return used
 
 

@@ -6,6 +6,7 @@ outcome. A node is a history that some scenarios share; nodes branch on what is 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -85,6 +86,7 @@ class Tree(NamedTuple):
     """(scenarios, 2) scratch: the child and the hidden part of each scenario."""
 
 
+@lru_cache(maxsize=1)  # a minute's work on rocksample-15x15, which a sweep asks for at every point
 def bounds_of(domain: Domain) -> Bounds:
     """The bounds of a domain: the default policy is the best of those that need to know nothing hidden."""
     floor, action = robust(branches_of(domain), 1e-6)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from harness.model.domain import Domain
 from harness.model.splitmix import next_uniform
-from harness.model.tables import Records, inlined, row_of
+from harness.model.tables import Records, inlined
+from harness.policy.planner.random_play import ways_of
 
 _NEGLIGIBLE = 0.01  # of the present reward: what is weighed less is not simulated
 LONGEST = 1000
@@ -25,6 +26,8 @@ class Model(NamedTuple):
     outcomes: Records
     reading_cdf: NDArray[np.float64]
     factor_offset: NDArray[np.int64]
+    ways: Records
+    """(V·A,) of :data:`.random_play.WAY`."""
     allowed: NDArray[np.bool_]
     """(V·A,) choices that are legal for some hidden value: what trees branch on."""
     n_actions: int
@@ -39,13 +42,15 @@ class Model(NamedTuple):
 
 def model_of(domain: Domain, depth: int | None = None) -> Model:
     """The domain under its true reward; simulations reach ``depth`` steps ahead, by default :func:`horizon_of`."""
-    t = domain.shaped("none").tables
+    true = domain.shaped("none")
+    t = true.tables
     return Model(
         t.choices,
         t.rows,
         t.outcomes,
         t.reading_cdf,
         t.factor_offset,
+        ways_of(true),
         _allowed(domain),
         domain.n_actions,
         float(domain.discount),
@@ -93,14 +98,3 @@ def draw_hidden(
                 total += marginals[e, first + x]
                 if u < total:
                     break
-
-
-@inlined
-def random_legal(
-    choices: Records, rows: Records, n_actions: int, v: int, values: NDArray[np.int16], state: NDArray[np.uint64]
-) -> int:
-    """Uniform over the actions that are legal in the simulated state."""
-    while True:  # rejection: nearly all actions are legal nearly everywhere, and one always is
-        a = int(next_uniform(state) * n_actions)
-        if rows[row_of(choices, v * n_actions + a, values, 0)].legal:
-            return a

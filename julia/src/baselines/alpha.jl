@@ -25,9 +25,37 @@ function AlphaVectors(m::POMDP, policy::AlphaVectorPolicy)
     return AlphaVectors(m, vectors)
 end
 
-AlphaVectors(::POMDP, policy::Policy) = throw(
-    ArgumentError("a $(nameof(typeof(policy))) has no alpha vectors to store; play the file itself (--policy FILE.jl)"),
-)
+"""
+Alpha vectors of any other policy that has a `value` at states: one an action, what the action is worth if the state were
+seen after it and `value` held from there. Played, that is QMDP by the policy's values.
+"""
+function AlphaVectors(m::POMDP, policy::Policy)
+    applicable(value, policy, first(ordered_states(m))) || throw(
+        ArgumentError(
+            "a $(nameof(typeof(policy))) has neither alpha vectors nor a value at states to store; play the file itself " *
+            "(--policy FILE.jl)",
+        ),
+    )
+    utility = [isterminal(m, s) ? 0.0 : Float64(value(policy, s)) for s in ordered_states(m)]
+    vectors = Tuple{Int,Int,Vector{Float64}}[]
+    for v in 1:nvisible(m)
+        is_terminal_value(m, v) && continue
+        hidden = [assemble(m, v, joint_values(m, h)) for h in 1:joint_size(m)]
+        for a in actions(m)
+            push!(vectors, (v, actionindex(m, a), [lookahead(m, s, a, utility) for s in hidden]))
+        end
+    end
+    return AlphaVectors(m, vectors)
+end
+
+"What action `a` is worth in state `s` where `utility[stateindex(m, sp)]` is what comes after it."
+function lookahead(m::POMDP, s, a, utility)
+    isterminal(m, s) && return 0.0
+    return sum(
+        p * (reward(m, s, a, sp) + discount(m) * utility[stateindex(m, sp)]) for
+        (sp, p) in weighted_iterator(transition(m, s, a))
+    )
+end
 
 function AlphaVectors(m::POMDP, vectors::Vector{Tuple{Int,Int,Vector{Float64}}})
     kept = eltype(vectors)[]

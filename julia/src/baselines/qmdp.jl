@@ -17,11 +17,7 @@ function fill_unlisted!(m, policy)
     utility = [isterminal(m, s) ? 0.0 : maximum(policy.alphas[actionindex(m, a)][i] for a in actions(m, s))
                for (i, s) in enumerate(ordered)]
     for (i, s) in enumerate(ordered), a in actions(m)
-        isterminal(m, s) && (policy.alphas[actionindex(m, a)][i] = 0.0; continue)
-        a in actions(m, s) && continue
-        policy.alphas[actionindex(m, a)][i] = sum(
-            p * (reward(m, s, a, sp) + discount(m) * utility[stateindex(m, sp)])
-            for (sp, p) in weighted_iterator(transition(m, s, a))
-        )
+        !isterminal(m, s) && a in actions(m, s) && continue
+        policy.alphas[actionindex(m, a)][i] = lookahead(m, s, a, utility)
     end
 end
