@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 import harness
 from harness.cli import main
 from harness.engine import rng
+from harness.expectation.smooth.forward import forward
 from harness.ge import grammar as bnf
-from harness.ge import loop, search
+from harness.ge import loop, refinement, search
 from harness.ge.defaults import grammar_for
 from harness.ge.fitness import ProgramFitness
 from harness.ge.folder import RunFolder
@@ -376,7 +377,13 @@ class TestRuns:
                 tuning.add((episodes.first, episodes.size))
             return played
 
+        def computed(*arguments):
+            found = forward(*arguments)
+            counted.append(found.situations)
+            return found
+
         monkeypatch.setattr(population, "play", play)
+        monkeypatch.setattr(refinement, "forward", computed)
         result = harness.evolve("rocksample-7x8", look, workers=1, **options)
         pd.testing.assert_frame_equal(
             result.history.drop(columns="seconds"), other.history.drop(columns="seconds"), check_exact=True
