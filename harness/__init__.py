@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
     from harness.expectation.forward import exact
+    from harness.expectation.smooth.forward import Smooth, smooth
     from harness.expectation.sums import Exact, Interval
     from harness.formats import from_arrays, write_model
     from harness.ge.defaults import grammar
@@ -65,6 +66,7 @@ __all__ = [
     "Policy",
     "PolicyError",
     "Score",
+    "Smooth",
     "SnapshotError",
     "Suite",
     "Tunable",
@@ -93,6 +95,7 @@ __all__ = [
     "reproduce",
     "resume",
     "simplify",
+    "smooth",
     "solve",
     "suite",
     "sweep",
@@ -120,6 +123,7 @@ _HOME = {
     "Policy": "policy",
     "PolicyError": "errors",
     "Score": "play.evaluation",
+    "Smooth": "expectation.smooth.forward",
     "SnapshotError": "errors",
     "Suite": "benchmark.suite",
     "Tunable": "tuning",
@@ -148,6 +152,7 @@ _HOME = {
     "reproduce": "reproduction",
     "resume": "ge.runs",
     "simplify": "ge.simplifying",
+    "smooth": "expectation.smooth.forward",
     "solve": "solver.solving",
     "suite": "benchmark.suite",
     "update_scores": "regression.checking",

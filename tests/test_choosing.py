@@ -16,7 +16,7 @@ from harness.tuning import choosing, resume, tunable
 from harness.tuning.objective import Episodes
 from harness.tuning.run import METHODS
 
-QUICK = {"score": {"episodes": 40, "pairs": 5}}
+QUICK = {"score": {"episodes": 40, "pairs": 5}, "autodiff": {"episodes": 300, "situations": 100, "temperature": 0.02}}
 
 
 class Line:

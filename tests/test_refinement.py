@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 import harness
 from harness.cli import main
 from harness.engine import rng
+from harness.expectation.smooth.forward import forward
 from harness.ge import grammar as bnf
-from harness.ge import loop, search
+from harness.ge import loop, refinement, search
 from harness.ge.defaults import grammar_for
 from harness.ge.fitness import ProgramFitness
 from harness.ge.folder import RunFolder
@@ -38,6 +39,7 @@ HEAD = "<code> ::= <line> | <code> <line>\n<line> ::= check(3) | if(<test>) <op>
 GRAMMARS = {
     "rocksample": None,
     "rocksample-feedback": None,
+    "rocksample-const": None,
     "digits in the test": HEAD + "<test> ::= belief(3) > 0.<d><d> | <d> == '\"good\"'\n<d> ::= 1 | 2 | 5 | 8\n",
     "a list of numbers": HEAD + "<test> ::= belief(3) '<' <c>\n<c> ::= 0.5 | 0.75 | 1 | 0.125 | 0.5\n",
     "any number of digits": HEAD + "<test> ::= belief(<d>) > 0.<n>\n<n> ::= <d> | <d><n>\n<d> ::= 1 | 4 | 7\n",
@@ -254,9 +256,10 @@ def best_individuals(grammar, fitness, size=40):
 
 
 class TestRefiner:
+    @pytest.mark.parametrize("tuner", ["lines", "autodiff"])
     @pytest.mark.parametrize("inheritance", ["lamarckian", "baldwinian"])
-    def test_never_worse_on_the_tuning_episodes(self, rocksample, words, inheritance):
-        p = Parameters(refine=5, refine_every=1, inheritance=inheritance, refine_episodes=60)
+    def test_never_worse_on_the_tuning_episodes(self, rocksample, words, inheritance, tuner):
+        p = Parameters(refine=5, refine_every=1, inheritance=inheritance, refine_episodes=60, tuner=tuner)
         fitness, grammar = ProgramFitness(rocksample, p, "tables", 1), bnf.parse(LOOK)
         individuals = best_individuals(grammar, fitness)
         learnt, steps = Refiner(grammar, fitness)(individuals, 7)
@@ -303,6 +306,7 @@ KINDS = {
     "end": {},
     "lamarckian": {"refine_every": 3, "inheritance": "lamarckian"},
     "baldwinian": {"refine_every": 3, "inheritance": "baldwinian"},
+    "autodiff": {"refine_every": 3, "tuner": "autodiff"},
 }
 
 
@@ -366,15 +370,21 @@ class TestRuns:
         counted, tuning, plain, last = [], set(), population.play, (SMALL["generations"] + 1) * SMALL["episodes"]
         learning = [3, 6] if kind != "end" else []
 
-        def play(domain, programs, episodes, *rest):
-            played = plain(domain, programs, episodes, *rest)
+        def play(domain, programs, episodes, *rest, **more):
+            played = plain(domain, programs, episodes, *rest, **more)
             if episodes.seed == rng.REFINEMENT or (episodes.seed == rng.TRAINING and episodes.first < last):
                 counted.append(int(played.steps.sum()))
             if episodes.seed == rng.REFINEMENT:
                 tuning.add((episodes.first, episodes.size))
             return played
 
+        def computed(*arguments):
+            found = forward(*arguments)
+            counted.append(found.situations)
+            return found
+
         monkeypatch.setattr(population, "play", play)
+        monkeypatch.setattr(refinement, "forward", computed)
         result = harness.evolve("rocksample-7x8", look, workers=1, **options)
         pd.testing.assert_frame_equal(
             result.history.drop(columns="seconds"), other.history.drop(columns="seconds"), check_exact=True

@@ -32,6 +32,7 @@ QUICK = {  # settings that make a run on real episodes short
     "score": {"episodes": 40, "pairs": 5, "iterations": 6},
     "cmaes": {"episodes": 300, "iterations": 6},
     "lines": {"episodes": 300, "iterations": 6, "resolution": 0.0005},
+    "autodiff": {"episodes": 300, "iterations": 6, "situations": 20},
 }
 
 
@@ -51,23 +52,32 @@ class Space:
         return str(theta)
 
 
-def noisy(function, noise=3.0):
-    """An objective whose episodes differ by noise that belongs to the episode, as the harness's does."""
+class Noisy:
+    """An objective whose episodes differ by noise that belongs to the episode, as the harness's does.
 
-    def play(ask):
+    A soft ask has no noise, and difference quotients for a gradient.
+    """
+
+    def __init__(self, function, noise=3.0):
+        self.function, self.noise = function, noise
+
+    def __call__(self, ask):
         rows = []
         for point, first in zip(ask.points, ask.first, strict=True):
             draws = np.random.default_rng(int(first)).normal(size=ask.episodes)
-            rows.append(function(point) + noise * draws)
+            rows.append(self.function(point) + self.noise * draws)
         return np.array(rows)
 
-    return play
+    def smooth(self, ask):
+        (point,), width = ask.points, 1e-6
+        ends = [[self.function(point + sign * width * axis) for sign in (1, -1)] for axis in np.eye(len(point))]
+        return np.array([self.function(point), *((up - down) / (2 * width) for up, down in ends)])
 
 
 def run_on(function, method, space, **settings):
     search = configure(METHODS[method], space, 3, settings)
     kept = journal.Journal(space.names)
-    stopped, _ = climb(search, noisy(function), kept)
+    stopped, _ = climb(search, Noisy(function), kept)
     return search, kept.table(), stopped
 
 
@@ -80,6 +90,7 @@ class TestMethods:
             ("score", {"episodes": 10}),
             ("cmaes", {"episodes": 50}),
             ("lines", {"episodes": 50}),
+            ("autodiff", {}),
         ],
     )
     @pytest.mark.parametrize("start", [[0.75, 0.45], [0.6, 0.6]])
@@ -96,7 +107,7 @@ class TestMethods:
         assert table["x0"].between(0.5, 0.9).all()
         assert search.theta[0] == pytest.approx(0.9, abs=0.03)
 
-    @pytest.mark.parametrize("method", [m for m in METHODS if m != "lines"])  # which keeps to one set of episodes
+    @pytest.mark.parametrize("method", [m for m in METHODS if m not in ("lines", "autodiff")])  # one set; none
     def test_iterations_play_episodes_of_their_own(self, method):
         _, table, _ = run_on(lambda x: x.sum(), method, Space([0.3, 0.5]), episodes=7, iterations=4)
         spans = [set(range(f, f + 7)) for f in sorted(table["first"].unique())]
@@ -169,7 +180,7 @@ class TestMethods:
 
     def test_cmaes_says_that_it_is_on_a_plateau(self):
         search = configure(METHODS["cmaes"], Space([0.55], 0.5), 3, {"episodes": 20, "patience": 4})
-        stopped, _ = climb(search, noisy(lambda x: 1.0), journal.Journal(("x0",)))
+        stopped, _ = climb(search, Noisy(lambda x: 1.0), journal.Journal(("x0",)))
         assert "tolflatfitness 4" in stopped
 
 
@@ -255,7 +266,8 @@ class TestRuns:
             )  # fmt: skip
 
         whole = go(tmp_path / "whole")
-        calls, play = [], Episodes.__call__
+        calls, answer = [], "smooth" if method == "autodiff" else "__call__"
+        play = getattr(Episodes, answer)
 
         def stop_at_the_third(self, ask):
             calls.append(1)
@@ -263,7 +275,7 @@ class TestRuns:
                 raise KeyboardInterrupt
             return play(self, ask)
 
-        monkeypatch.setattr(Episodes, "__call__", stop_at_the_third)
+        monkeypatch.setattr(Episodes, answer, stop_at_the_third)
         with pytest.raises(KeyboardInterrupt):
             go(tmp_path / "cut")
         assert not (tmp_path / "cut" / "result.json").exists()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from harness.play.evaluation import Score
     from harness.tuning.outcome import Tuned
 
-METHODS = ("gradient", "spsa", "score", "cmaes", "lines")
+METHODS = ("gradient", "spsa", "score", "cmaes", "lines", "autodiff")
 MEASURES = ("return", "discounted")
 
 _SETTINGS = "SETTINGS"  # stands in the help for a text that takes the methods themselves
@@ -224,11 +224,12 @@ def _summary(result: Tuned) -> str:
 
     run = result.config["run"]
     kind = "discounted" if run["measure"] == "discounted" else "undiscounted"
-    points = len(result.history)
+    points, episodes = len(result.history), result.history["episodes"].iloc[0]
+    evaluations = "smooth returns" if run["method"] == "autodiff" else f"evaluations of {episodes:,} episodes"
     return "\n".join(
         [
             f"{run['method']} on {run['domain']} from {brief(run['policy'])}, {kind} return, seed {run['seed']}: "
-            f"{points:,} evaluations of {result.history['episodes'].iloc[0]:,} episodes",
+            f"{points:,} {evaluations}",
             f"stopped: {result.stopped}",
             "",
             *(f"  {line}" for line in result.best.policy.splitlines()),

@@ -74,8 +74,8 @@ def _merge(
     for e in range(n):
         blind = k >= 0 and not watched[e, k]
         low, high = (first, last) if blind else (0, 0)  # columns that do not count
-        slot = _hash(key, e, low, high) & (size - 1)
-        while table[slot] >= 0 and not _equal(key, table[slot], e, low, high):
+        slot = hashed(key, e, low, high) & (size - 1)
+        while table[slot] >= 0 and not equal(key, table[slot], e, low, high):
             slot = (slot + 1) & (size - 1)
         r = table[slot]
         if r < 0:
@@ -121,7 +121,8 @@ def _settle(marginals: NDArray[np.float64], e: int, first: int, last: int, total
 
 
 @inlined
-def _hash(key: NDArray[np.int64], e: int, low: int, high: int) -> np.int64:
+def hashed(key: NDArray[np.int64], e: int, low: int, high: int) -> np.int64:
+    """Of a row, without the columns ``low … high − 1``."""
     h = np.uint64(0x9E3779B97F4A7C15)
     for c in range(key.shape[1]):
         if c < low or c >= high:
@@ -131,7 +132,8 @@ def _hash(key: NDArray[np.int64], e: int, low: int, high: int) -> np.int64:
 
 
 @inlined
-def _equal(key: NDArray[np.int64], r: int, e: int, low: int, high: int) -> bool:
+def equal(key: NDArray[np.int64], r: int, e: int, low: int, high: int) -> bool:
+    """Whether two rows are equal but for these columns."""
     same = True
     for c in range(key.shape[1]):
         if (c < low or c >= high) and key[r, c] != key[e, c]:

@@ -3,6 +3,9 @@
 The dialect is the one that GE systems share: ``<name> ::= alternative | alternative``, on as many lines as wanted, the
 first rule being the start symbol. Terminals stand as they are or in quotes, which are left out; ``#`` begins a comment.
 Blanks around an alternative do not count; inside one, any run of blanks and line ends is one blank.
+
+``<const>`` is a real number in [0, 1) that the genotype carries: without a rule of its own it stands for one of a
+thousand alternatives, 0.000 to 0.999, which its codon chooses. So it is inherited, mutated and tuned like all else.
 """
 
 from __future__ import annotations
@@ -32,6 +35,8 @@ _TOKEN = re.compile(
 
 LARGEST_TREE = 10_000
 """Non-terminals of a derivation tree that initialisation and mutation make, at most."""
+CONST, CONSTANTS = "<const>", 1000
+"""The non-terminal that needs no rule, and how many numbers it stands for: as many as codons are by default."""
 MOST_PRODUCTIONS = 10_000
 """Alternatives of a grammar, all rules together."""
 ENDLESS = 2**40
@@ -222,6 +227,7 @@ class _Reader:
         self.read_rules()
         if not self.rules:
             self.fail(len(self.text), "there is no rule; write <code> ::= … first")
+        self.add_constants()
         self.check_alternatives()
         self.check_names()
         index = {name: i for i, name in enumerate(self.rules)}
@@ -256,6 +262,13 @@ class _Reader:
             else:
                 self.add_symbol(rule.alternatives[-1], kind or "", found, at, blank_before)
             blank_before = False
+
+    def add_constants(self) -> None:
+        """A rule for <const> where it is used and has none."""
+        used = [s.at for rule in self.rules.values() for a in rule.alternatives for s in a if s.text == CONST]
+        if used and CONST not in self.rules:
+            numbers = (f"{i / CONSTANTS:.3f}" for i in range(CONSTANTS))
+            self.rules[CONST] = _Rule(used[0], [[_Symbol([number], False, used[0])] for number in numbers])
 
     def new_rule(self, name: str, at: int) -> _Rule:
         if name in self.rules:

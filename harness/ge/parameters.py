@@ -17,6 +17,7 @@ GENERATIONAL, _ = REPLACEMENTS = ("generational", "steady-state")
 SAMPLED, EXACT, AUTO = FITNESSES = ("sampled", "exact", "auto")
 RETURN, DISCOUNTED = OBJECTIVES = ("return", "discounted")
 NOWHERE, ANYWHERE, PAYING = WALKS = ("nowhere", "anywhere", "paying")
+LINES, AUTODIFF = TUNERS = ("lines", "autodiff")
 LAMARCKIAN, BALDWINIAN = INHERITANCES = ("lamarckian", "baldwinian")
 
 _MOST = 1_000_000  # of every number that names no other limit
@@ -83,6 +84,7 @@ class Parameters:
     inheritance: str = _parameter(
         LAMARCKIAN, "of constants tuned on the way: written into the codons, or only credited", INHERITANCES
     )
+    tuner: str = _parameter(LINES, "search that tunes constants", TUNERS)
     refine_episodes: int = _parameter(100, "episodes on which constants are tuned", least=2)
     test_episodes: int = _parameter(1000, "fresh episodes that score each generation's best in the history", least=2)
     finalists: int = _parameter(20, "programs of the last generation that are compared once more", least=1)

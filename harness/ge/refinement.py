@@ -14,30 +14,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine import rng
+from harness.expectation.smooth.forward import forward
 from harness.ge.fitness import ProgramFitness
 from harness.ge.grammar import Grammar, GrammarError
 from harness.ge.initialisation import GROW, tree
 from harness.ge.loop import Learnt
 from harness.ge.mapping import derive
 from harness.ge.operators import Parent
-from harness.ge.parameters import LAMARCKIAN
+from harness.ge.parameters import LAMARCKIAN, LINES
 from harness.ge.spelling import Place, Speller
 from harness.play.population import Episodes
 from harness.program import Program, Words, constant_spans, parse
+from harness.tuning.autodiff import Autodiff
 from harness.tuning.constants import Constants, Vector
 from harness.tuning.journal import Journal
 from harness.tuning.lines import Lines
-from harness.tuning.method import Ask
+from harness.tuning.method import Ask, Method
 from harness.tuning.run import climb
 
 COARSE, ROUNDS = 2, 1
 """Settings of the search: the ends and the middle of every constant's range first, and each constant once. More of
 either costs steps and found nothing more in evolved programs, whose constants seldom matter to one another."""
+
+SHORT: dict[str, Any] = {"iterations": 12, "cooling": 0.75, "decay": 20.0, "situations": 500}
+"""Settings of the ascent: one constant's search by lines costs about as much as an iteration for all of them."""
 
 _SAMPLES = 300  # sentences that tell whether a grammar has constants
 
@@ -60,6 +66,17 @@ class _Counted:
         self.steps += int(played.steps.sum())
         return played.returns
 
+    def smooth(self, ask: Ask) -> Vector:
+        """(1 + d,) the smooth return and its gradient; a situation counts as a step."""
+        assert ask.soft is not None
+        p, policy = self.fitness.parameters, self.subject.policy(ask.points[0])
+        draws = rng.generator(rng.REFINEMENT + p.seed, rng.TUNER, self.first + int(ask.first[0]))
+        found = forward(
+            self.fitness.domain, policy, ask.soft.temperature, p.horizon, ask.soft.situations, draws
+        )  # fmt: skip
+        self.steps += found.situations
+        return np.append(found.value, found.gradient)
+
 
 @dataclass(frozen=True, eq=False)
 class _Spelled(Constants):
@@ -79,14 +96,21 @@ class _Spelled(Constants):
 def tuned(fitness: ProgramFitness, subject: Constants, generation: int) -> tuple[Program, int]:
     """The program with better constants for the refinement's episodes of a generation, and the steps that it cost.
 
-    The search is :class:`harness.tuning.lines.Lines`: the return is a step function of every constant with few steps,
-    which leaves nothing to a gradient and little to a random search.
+    The search is :class:`harness.tuning.lines.Lines`, for the return is a step function of every constant with few
+    steps, or :class:`harness.tuning.autodiff.Autodiff` on the smooth return. Where the latter ends is taken only if it
+    is better than the start on the refinement's episodes.
     """
     p = fitness.parameters
     played = _Counted(fitness, subject, generation * p.refine_episodes)
-    search = Lines(subject, p.seed, episodes=p.refine_episodes, coarse=COARSE, rounds=ROUNDS)
+    if p.tuner == LINES:
+        search: Method = Lines(subject, p.seed, episodes=p.refine_episodes, coarse=COARSE, rounds=ROUNDS)
+        climb(search, played, Journal(subject.names))
+        return subject.at(search.theta), played.steps
+    search = Autodiff(subject, p.seed, episodes=p.refine_episodes, **SHORT)
     climb(search, played, Journal(subject.names))
-    return subject.at(search.theta), played.steps
+    ends = np.stack([subject.start, search.theta])
+    means = played(Ask(ends, np.zeros(2, dtype=np.int64), p.refine_episodes)).mean(axis=1)
+    return subject.at(ends[int(means.argmax())]), played.steps
 
 
 @dataclass

@@ -66,12 +66,23 @@ def _checked(domain: Domain, grammar: Grammar, parameters: Parameters, engine: s
     domain.shaped(parameters.shaping)
     _check_memory(domain, parameters)
     check_language(grammar, words_of(domain))
+    _check_codons(grammar, parameters.codon_size)
     if parameters.refine:
         from harness.ge.refinement import check_constants  # here: it brings in all of the tuning
 
         words, in_between = words_of(domain), parameters.refine_every > 0
         check_constants(grammar, words, in_between and parameters.inheritance == LAMARCKIAN)
     return Setup(domain, grammar, parameters, engines.choose(engine, domain), workers)
+
+
+def _check_codons(grammar: Grammar, codon_size: int) -> None:
+    """Codons reach every alternative."""
+    for rule, productions in zip(grammar.rules, grammar.productions_of, strict=True):
+        if len(productions) > codon_size:
+            raise HarnessError(
+                f"codon_size must be {len(productions)} or more, not {codon_size}: {rule} of {grammar.source} has as "
+                "many alternatives, and codons below codon_size choose among them"
+            )
 
 
 def _check_memory(domain: Domain, p: Parameters) -> None:

@@ -81,18 +81,18 @@ class AccuracyPolicy:
     def __init__(self, domain: Domain, threshold: float = ACCURACY_DEFAULT) -> None:
         """``threshold``: λ in [0.5, 1]."""
         self.threshold = threshold
-        self._map = rock_map(domain)
+        self.map = rock_map(domain)
 
     def reset(self, batch: Batch) -> None:
         """Forget all readings."""
-        self._rocks = np.zeros((batch.size, self._map.distance.shape[1]), dtype=np.int8)
+        self._rocks = np.zeros((batch.size, self.map.distance.shape[1]), dtype=np.int8)
         self._checked = np.full(batch.size, -1, dtype=np.int16)
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """One action an episode."""
         actions = np.zeros(batch.size, dtype=np.int32)
         _accuracy_act(
-            self._map.of(batch.domain),
+            self.map.of(batch.domain),
             self.threshold,
             batch.visible,
             batch.observation,
@@ -116,18 +116,18 @@ class BeliefPolicy:
     def __init__(self, domain: Domain, threshold: float = BELIEF_DEFAULT) -> None:
         """``threshold``: γ in [0.5, 1]."""
         self.threshold = threshold
-        self._map = rock_map(domain)
+        self.map = rock_map(domain)
 
     def reset(self, batch: Batch) -> None:
         """No rock has been sampled yet."""
-        self._sampled = np.zeros((batch.size, self._map.distance.shape[1]), dtype=np.bool_)
+        self._sampled = np.zeros((batch.size, self.map.distance.shape[1]), dtype=np.bool_)
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """One action an episode."""
         actions = np.zeros(batch.size, dtype=np.int32)
         columns = batch.domain.feature_columns
         _belief_act(
-            self._map.of(batch.domain),
+            self.map.of(batch.domain),
             self.threshold,
             columns,
             batch.visible,
@@ -139,7 +139,7 @@ class BeliefPolicy:
         return actions
 
 
-_OPEN, _GOOD, _DISMISSED = 0, 1, 2  # what Algorithm 2 holds of a rock: unread, read good, read bad or sampled
+OPEN, GOOD, DISMISSED = 0, 1, 2  # what Algorithm 2 holds of a rock: unread, read good, read bad or sampled
 
 
 @compiled
@@ -159,23 +159,23 @@ def _accuracy_act(
         if done[e]:
             continue
         if checked[e] >= 0:
-            rocks[e, checked[e]] = _GOOD if observation[e] == good else _DISMISSED
+            rocks[e, checked[e]] = GOOD if observation[e] == good else DISMISSED
             checked[e] = -1
         v = visible[e]
         nearest = -1
         for i in range(distance.shape[1]):
-            candidate = rocks[e, i] != _DISMISSED and accuracy[v, i] > threshold
+            candidate = rocks[e, i] != DISMISSED and accuracy[v, i] > threshold
             if candidate and (nearest < 0 or distance[v, i] < distance[v, nearest]):
                 nearest = i
         if nearest < 0:
             actions[e] = right
-        elif rocks[e, nearest] == _OPEN:
+        elif rocks[e, nearest] == OPEN:
             actions[e] = check + nearest
             checked[e] = nearest
         else:
             actions[e] = toward[v, nearest]
             if actions[e] == sample:
-                rocks[e, nearest] = _DISMISSED
+                rocks[e, nearest] = DISMISSED
 
 
 @compiled

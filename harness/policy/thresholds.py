@@ -39,15 +39,15 @@ class ThresholdsPolicy(Stateless):
     def __init__(self, domain: Domain, **thresholds: float) -> None:
         """``thresholds``: any of :data:`DEFAULTS`, within :data:`BOUNDS`."""
         self.thresholds = DEFAULTS | thresholds
-        self._map = rock_map(domain)
-        self._patience = self.thresholds["wait"] ** self._map.ahead.astype(np.float64)
-        self._needed = np.where(self._map.ahead > 0, self.thresholds["ahead"], self.thresholds["aside"])
+        self.map = rock_map(domain)
+        self._patience = self.thresholds["wait"] ** self.map.ahead.astype(np.float64)
+        self._needed = np.where(self.map.ahead > 0, self.thresholds["ahead"], self.thresholds["aside"])
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
         """One action an episode."""
         actions = np.zeros(batch.size, dtype=np.int32)
         _act(
-            self._map.of(batch.domain),
+            self.map.of(batch.domain),
             self.thresholds["accept"],
             self.thresholds["reject"],
             self._needed,

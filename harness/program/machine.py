@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.model.tables import STOP, Records, inlined
+from harness.model.tables import STOP, Records, inlined, lean
 from harness.program.words import (
     ACT,
     AGAIN,
@@ -17,7 +19,6 @@ from harness.program.words import (
     EQUAL,
     IF,
     NOT,
-    OR,
     REGISTER,
     VISIBLE,
     WHILE,
@@ -65,38 +66,63 @@ def next_action(
             if op == ACT:
                 action = line.arg
                 left = 0
-            elif op in (IF, WHILE):
-                if truths & 1 == 0:
-                    pc += line.jump
-                truths >>= 1
-            elif op in (ELSE, AGAIN):
-                pc += line.jump
-            elif op == NOT:
-                truths ^= 1
-            elif op == AND:
-                truths = (truths >> 1) & ((truths & 1) | -2)
-            elif op == OR:
-                truths = (truths >> 1) | (truths & 1)
+            elif op < BELIEF:
+                pc, truths = control(line, pc, truths)
             else:
-                if op == BELIEF:
-                    x = marginals[e, line.arg]
-                elif op == VISIBLE:
-                    x = float(visible_values[v, line.arg])
-                elif op == AT:
-                    x = float(v)
-                elif op == REGISTER:
-                    x = float(registers[e, line.arg])
-                elif observation < 0:
-                    x = np.nan
-                elif line.arg == 1:
-                    x = float(observation)
-                else:
-                    x = numbers[observation]
-                if line.compare == EQUAL:
-                    true = x == line.value
-                elif line.compare == BELOW:
-                    true = x < line.value
-                else:
-                    true = x > line.value
-                truths = (truths << 1) | int(true)
+                x = quantity(line, marginals, registers, e, observation, numbers, visible_values, v)
+                truths = (truths << 1) | int(holds(line, x))
     return action, pc
+
+
+@lean
+def control(line: Any, pc: int, truths: int) -> tuple[int, int]:
+    """Where an instruction that neither acts nor asks for a quantity goes on, and the truth values then."""
+    op = line.op
+    if op in (IF, WHILE):
+        if truths & 1 == 0:
+            pc += line.jump
+        truths >>= 1
+    elif op in (ELSE, AGAIN):
+        pc += line.jump
+    elif op == NOT:
+        truths ^= 1
+    elif op == AND:
+        truths = (truths >> 1) & ((truths & 1) | -2)
+    else:  # OR
+        truths = (truths >> 1) | (truths & 1)
+    return pc, truths
+
+
+@lean
+def quantity(
+    line: Any,
+    marginals: NDArray[np.float64],
+    registers: NDArray[np.int32] | NDArray[np.int64],
+    e: int,
+    observation: int,
+    numbers: NDArray[np.float64],
+    visible_values: NDArray[np.int16],
+    v: int,
+) -> float:
+    """What an instruction compares."""
+    if line.op == BELIEF:
+        return float(marginals[e, line.arg])
+    if line.op == VISIBLE:
+        return float(visible_values[v, line.arg])
+    if line.op == AT:
+        return float(v)
+    if line.op == REGISTER:
+        return float(registers[e, line.arg])
+    if observation < 0:
+        return np.nan
+    return float(observation) if line.arg == 1 else float(numbers[observation])
+
+
+@lean
+def holds(line: Any, x: float) -> bool:
+    """Whether its comparison is true."""
+    if line.compare == EQUAL:
+        return bool(x == line.value)
+    if line.compare == BELOW:
+        return bool(x < line.value)
+    return bool(x > line.value)

@@ -1,4 +1,4 @@
-"""Tuning the numbers in a policy: sweeps, and five ways uphill on a noisy return.
+"""Tuning the numbers in a policy: sweeps, and six ways uphill on a return.
 
 What is tuned is a :class:`Tunable`; how, is a :class:`~harness.tuning.method.Method`; neither knows of the other. A
 method asks for points, an :class:`~harness.tuning.objective.Objective` plays episodes there, and a

@@ -72,9 +72,10 @@ def history_figure(history: pd.DataFrame, names: Sequence[str], measure: str) ->
     """
     figure = blank(6.3, 5.2)
     above, below = figure.subplots(2, 1, sharex=True)
+    label = "points played, 95 % interval" if history["sem"].any() else "points computed"
     above.errorbar(
         history["iteration"], history["value"], yerr=Z95 * history["sem"], fmt="o", color=LINE, markersize=2.5,
-        elinewidth=0.6, label="points played, 95 % interval",
+        elinewidth=0.6, label=label,
     )  # fmt: skip
     best = float(history["value"].max())
     low = best - _NEAR * abs(best)

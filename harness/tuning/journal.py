@@ -63,13 +63,20 @@ class Journal:
             self._iterations = self._read()
 
     def answers(self, ask: Ask) -> tuple[Vector, Vector] | None:
-        """Values and standard errors, (n,) each, where the next iteration is in the journal already; else None."""
+        """Values and standard errors, (n,) each, where the next iteration is in the journal already; else None.
+
+        Of a soft ask the values are (1 + d,), the return and its gradient.
+        """
         if self._told == len(self._iterations):
             return None
         rows = self._iterations[self._told]
         if len(rows) != len(ask.points):
             raise self._damaged(f"iteration {self._told} has {len(rows)} rows, not {len(ask.points)}")
         at = self.columns.index("value")
+        if ask.soft is not None:
+            first = self.columns.index("rate") - 2 * self._dimension  # gradients, then velocities
+            found = [rows[0][at], *rows[0][first : first + self._dimension]]
+            return np.array([float(x) for x in found]), np.zeros(1)
         values, sems = np.array([[float(x) for x in row[at : at + 2]] for row in rows]).T
         return values, sems
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,15 @@ _MOST = 1_000_000
 """The highest value of a setting that names no other."""
 
 
+class Softness(NamedTuple):
+    """How comparisons with constants become gates (:func:`harness.smooth`)."""
+
+    temperature: float
+    """τ"""
+    situations: int
+    """Of a step at most."""
+
+
 @dataclass(frozen=True)
 class Ask:
     """Points at which the return is wanted."""
@@ -34,6 +43,8 @@ class Ask:
     numbers."""
     episodes: int
     """How many, at each point."""
+    soft: Softness | None = None
+    """Where it is given, the smooth return of a single point is wanted, with its gradient, instead of episodes."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +78,7 @@ class Method(Protocol):
         """The points of an iteration, counted from 0."""
 
     def tell(self, iteration: int, ask: Ask, values: Vector) -> Move:
-        """Move on. ``values``: (n,) mean return at each point asked for."""
+        """Move on. ``values``: (n,) mean return at each point asked for; of a soft one (1 + d,) return and gradient."""
 
 
 def setting(default: float, low: float, high: float = _MOST) -> Any:

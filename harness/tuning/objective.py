@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from harness import engine as engines
 from harness.engine import rng
 from harness.errors import HarnessError, nearest, quoted
+from harness.expectation.smooth.forward import forward
 from harness.model.domain import Domain
 from harness.play import executor, population
 from harness.play.evaluation import Evaluation, evaluate
@@ -30,6 +31,9 @@ class Objective(Protocol):
 
     def __call__(self, ask: Ask) -> NDArray[np.float64]:
         """(n, episodes) a return for every point and episode."""
+
+    def smooth(self, ask: Ask) -> Vector:
+        """(1 + d,) the smooth return of a soft ask's point, and its gradient."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,21 @@ class Episodes:
             episodes = population.Episodes(self.range + self.seed, int(first), ask.episodes, self.horizon)
             returns[rows] = population.play(self.domain, programs, episodes, engine, workers).returns
         return returns
+
+    def smooth(self, ask: Ask) -> Vector:
+        """(1 + d,) the smooth return by :attr:`measure`, and its gradient.
+
+        Raises:
+            PolicyError: the policy has none by the numbers that are tuned.
+        """
+        soft, first = ask.soft, int(ask.first[0])
+        assert soft is not None
+        draws = rng.generator(self.range + self.seed, rng.TUNER, first)
+        policy = self.subject.policy(ask.points[0])
+        found = forward(self.domain, policy, soft.temperature, self.horizon, soft.situations, draws)
+        if self.measure == "return":
+            return np.append(found.value, found.gradient)
+        return np.append(found.discounted, found.discounted_gradient)
 
     def play(self, theta: Vector, episodes: int, seed: int, first: int = 0) -> Evaluation:
         """The policy at one point."""

@@ -13,12 +13,14 @@ from harness import engine as engines
 from harness import files, host, locking, registry
 from harness import policy as policies
 from harness.errors import HarnessError, nearest, quoted
+from harness.expectation.smooth.forward import softened
 from harness.model.domain import Domain
 from harness.play import population
 from harness.play.evaluation import EPISODES, HORIZON, mean_and_sem
 from harness.progress import Bar, Progress
 from harness.tuning import journal, objective
 from harness.tuning.ascent import ForwardDifference
+from harness.tuning.autodiff import Autodiff
 from harness.tuning.cmaes import CmaEs
 from harness.tuning.constants import Constants
 from harness.tuning.lines import Lines
@@ -35,6 +37,7 @@ METHODS: dict[str, type[Any]] = {
     "score": ScoreFunction,
     "cmaes": CmaEs,
     "lines": Lines,
+    "autodiff": Autodiff,
 }
 """Ways uphill by name; their fields are their settings."""
 
@@ -69,7 +72,7 @@ def tune(
         domain: a domain or its name. Its shaping counts while tuning, never in the choice and in the final scores.
         policy: a policy string, whose numbers are the start (``belief:0.6``, ``program:FILE``), a program's text, or an
             object of the Tunable protocol.
-        method: ``gradient`` (the paper's), ``spsa``, ``score``, ``cmaes`` or ``lines``.
+        method: ``gradient`` (the paper's), ``spsa``, ``score``, ``cmaes``, ``lines`` or ``autodiff``.
         measure: what to maximise, the undiscounted ``return`` within the horizon or the ``discounted`` one.
         seed: of the run. Its episodes lie far from those that people score with.
         horizon: steps after which an episode is truncated.
@@ -95,7 +98,7 @@ def tune(
     check_number("final_episodes", final_episodes, True, 2, MOST_EPISODES)
     if resume and out is None:
         raise HarnessError("resume needs the folder of the run: out")
-    search, start = _method(method, subject, seed, settings), subject.text(subject.start)
+    search, start = _method(method, domain, subject, seed, settings), subject.text(subject.start)
     _check_memory(domain, subject, search, horizon, max(validation_episodes, final_episodes))
     parameters = {
         "domain": domain.name,
@@ -129,7 +132,7 @@ def tune(
     return result
 
 
-def _method(name: str, subject: Tunable, seed: int, settings: Mapping[str, float]) -> Method:
+def _method(name: str, domain: Domain, subject: Tunable, seed: int, settings: Mapping[str, float]) -> Method:
     if name not in METHODS:
         raise HarnessError(f"no method {quoted(name)}{nearest(name, METHODS)} (known: {', '.join(METHODS)})")
     first = configure(METHODS[name], subject, seed, settings).ask(0)  # of a method of its own: asking may draw
@@ -138,6 +141,8 @@ def _method(name: str, subject: Tunable, seed: int, settings: Mapping[str, float
             f"an iteration would play {episodes:,} episodes ({len(first.points):,} points of {first.episodes:,}), and "
             f"{MOST_EPISODES:,} are the most; take fewer"
         )
+    if first.soft is not None:
+        softened(domain, subject.policy(subject.start), len(subject.start))
     return configure(METHODS[name], subject, seed, settings)
 
 
@@ -182,11 +187,11 @@ def climb(
         theta, ask = search.theta, search.ask(iteration)
         known = kept.answers(ask)
         if known is None:
-            known = _means(played(ask))
+            known = _means(played(ask)) if ask.soft is None else (played.smooth(ask), np.zeros(1))
         values, sems = known
         move = search.tell(iteration, ask, values)
         kept.tell(theta, ask, values, sems, move)
-        show(search.theta, float(values.mean()))
+        show(search.theta, float(values[: len(ask.points)].mean()))
         if move.stop:
             break
     last = int(ask.first.min()), int(ask.first.max() - ask.first.min()) + ask.episodes
