@@ -10,7 +10,7 @@ from harness.errors import HarnessError, nearest, quoted
 from harness.ge import grammar as bnf
 from harness.ge.grammar import Grammar
 from harness.model.domain import Domain
-from harness.program import words_of
+from harness.program import Words, words_of
 
 
 def grammar_for(domain: Domain, name: str | Path | None) -> Grammar:
@@ -25,7 +25,7 @@ def grammar_for(domain: Domain, name: str | Path | None) -> Grammar:
     """
     if name is None:
         shipped = _SHIPPED.get(domain.layout["kind"])
-        if shipped is None or (shipped == "rocksample" and len(domain.features) != 8):
+        if shipped is None or (shipped == "rocksample" and len(words_of(domain).checks) != 8):
             return bnf.parse(_of_words(domain), f"grammar of {domain.name}")
         return bnf.read(registry.grammar_path(shipped))
     path = Path(name)
@@ -46,8 +46,7 @@ _SHIPPED = {"rocksample": "rocksample", "bordercross": "bordercross"}
 def _of_words(domain: Domain) -> str:
     """Operations, and conditions over one belief or the last reading, as in the paper's Algorithm 1."""
     words = words_of(domain)
-    labels = [label for label in words.labels if label != "none"]
-    tests = [f"'{words.reading} == \"'<label>'\"'"]
+    tests, labels = _reading_tests(domain, words)
     if words.beliefs:
         tests.append("<belief> '>' 0.<digit><digit>")
     spelled = {index: name for name, index in words.actions.items()}
@@ -55,12 +54,25 @@ def _of_words(domain: Domain) -> str:
         "code": ["<line>", "<code> <line>"],
         "line": ["<op>", "if(<condition>) <op>"],
         "condition": tests,
-        "label": [_quoted(label) for label in labels],
+        **labels,
         "op": [_quoted(name) for name in spelled.values()],
     }
     if words.beliefs:
         rules |= {"belief": [_quoted(name) for name in words.beliefs], "digit": [str(d) for d in range(10)]}
     return "".join(f"<{name}> ::= {' | '.join(alternatives)}\n" for name, alternatives in rules.items())
+
+
+def _reading_tests(domain: Domain, words: Words) -> tuple[list[str], dict[str, list[str]]]:
+    """Conditions over the last reading, and the rules of its labels; where sensors read unasked, over that of each."""
+    if not domain.sensors:
+        labels = [_quoted(label) for label in words.labels if label != "none"]
+        return [f"'{words.reading} == \"'<label>'\"'"], {"label": labels}
+    tests, rules = [], {}
+    for i, shared in enumerate(dict.fromkeys(sensor.labels for sensor in domain.sensors), 1):
+        tests.append(f"<sensor{i}> ' == \"'<label{i}>'\"'")
+        rules[f"sensor{i}"] = [_quoted(sensor.name) for sensor in domain.sensors if sensor.labels == shared]
+        rules[f"label{i}"] = [_quoted(label) for label in shared]
+    return tests, rules
 
 
 def _quoted(text: str) -> str:

@@ -85,10 +85,8 @@ def next_action(
                     x = float(registers[e, line.arg])
                 elif observation < 0:
                     x = np.nan
-                elif line.arg == 1:
-                    x = float(observation)
                 else:
-                    x = numbers[observation]
+                    x = numbers[line.arg, observation]
                 if line.compare == EQUAL:
                     true = x == line.value
                 elif line.compare == BELOW:

@@ -110,8 +110,10 @@ def _test(program: _Compiled, pc: int) -> str:
     op, arg, value = int(line["op"]), int(line["arg"]), float(line["value"])
     if op == REGISTER:
         return f'{_spelling(words.checks, arg)} == "{_spelling(words.labels, int(value))}"'
-    if op == READING and arg == 1:
-        return f'{words.reading} == "{_spelling(words.labels, int(value))}"'
+    if op == READING and arg > 0:
+        sensor = arg in words.sensors.values()
+        labels = words.sensor_labels(arg) if sensor else words.labels
+        return f'{_spelling(words.sensors, arg) if sensor else words.reading} == "{_spelling(labels, int(value))}"'
     left = {READING: lambda: words.reading, VISIBLE: lambda: _spelling(words.visible, arg)}.get(
         op, lambda: _spelling(words.beliefs, arg)
     )()

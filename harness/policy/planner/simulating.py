@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from harness.model.domain import Domain
 from harness.model.splitmix import next_uniform
-from harness.model.tables import Records, inlined, row_of
+from harness.model.tables import Records, Sensors, inlined, row_of
 
 _NEGLIGIBLE = 0.01  # of the present reward: what is weighed less is not simulated
 LONGEST = 1000
@@ -23,7 +23,9 @@ class Model(NamedTuple):
     choices: Records
     rows: Records
     outcomes: Records
+    reading_probability: NDArray[np.float64]
     reading_cdf: NDArray[np.float64]
+    sensors: Sensors | None
     factor_offset: NDArray[np.int64]
     allowed: NDArray[np.bool_]
     """(V·A,) choices that are legal for some hidden value: what trees branch on."""
@@ -44,7 +46,9 @@ def model_of(domain: Domain, depth: int | None = None) -> Model:
         t.choices,
         t.rows,
         t.outcomes,
+        t.reading_probability,
         t.reading_cdf,
+        t.sensors,
         t.factor_offset,
         _allowed(domain),
         domain.n_actions,
