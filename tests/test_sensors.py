@@ -428,7 +428,7 @@ def test_a_sensor_and_a_check_need_different_names(vision):
 
 def test_what_is_too_large_to_be_joined_says_so(vision):
     many = dataclasses.replace(vision, factor_labels=tuple(("a", "b") for _ in range(16)))
-    with pytest.raises(harness.HarnessError, match="65,536 joint values .* too many"):
+    with pytest.raises(harness.HarnessError, match=r"65,536 joint values .* too many"):
         joined(many)
 
 
