@@ -15,6 +15,7 @@ import harness
 from harness.engine import rng
 from harness.engine.tables import TablesEngine
 from harness.ge.defaults import grammar_for
+from harness.ge.mapping import derive
 from harness.model import domain as domains
 from harness.model import validation
 from harness.model.joining import joined
@@ -202,7 +203,7 @@ def test_with_its_factors_as_one_it_is_the_same_model(name, request):
         assert np.allclose(mine.batch.joint()[going], other.batch.marginals[going], atol=1e-12)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([((2,), ((0, 2),)), ((2, 3), ((0, 2), (1, 2))), ((2, 2), ((1, 3),))]))
 def test_bounds_hold_what_brute_force_over_all_histories_earns(seed, shape):
     discount, depth = 0.1, 3
@@ -216,17 +217,17 @@ def test_bounds_hold_what_brute_force_over_all_histories_earns(seed, shape):
 
 
 def test_the_solved_policy_earns_its_bounds_and_more_than_without_sight(vision):
-    found = harness.solve(vision, gap=0.05)
+    found = harness.solve(vision, gap=0.3)
     score = evaluate(vision, AlphaVectorPolicy(vision, found.solution), episodes=4000, engine="tables")
     mean, error = score.discounted.mean(), score.discounted.std() / math.sqrt(4000)
     assert found.lower - 5 * error <= mean <= found.upper + 5 * error
     for spec in ("exit", "accuracy:0.7", "belief", "thresholds", "rollout:20", "despot:30", "pomcp:200"):
-        few = 40 if spec[0] in "dpr" else 1000
+        few = 20 if spec[0] in "dpr" else 1000
         other = evaluate(vision, spec, episodes=few, engine="tables")
         assert other.discounted.mean() <= found.upper + 5 * other.discounted.std() / math.sqrt(few)
     blind = evaluate(vision, "exit", episodes=10, engine="tables").discounted.mean()
     assert blind < evaluate(vision, "belief", episodes=1000, engine="tables").discounted.mean()
-    assert blind < evaluate(vision, "despot:30", episodes=40, engine="tables").discounted.mean()
+    assert blind < evaluate(vision, "despot:30", episodes=20, engine="tables").discounted.mean()
 
 
 def test_heuristics_look_at_what_was_read_unasked(vision):
@@ -290,11 +291,17 @@ def test_words_of_no_sensor_are_refused(vision, text, message):
 
 
 def test_the_default_grammar_asks_each_sensor(vision):
-    text = grammar_for(vision, None).text
-    assert '<sensor1> == "<label1>"' in text.replace("'", "")
+    grammar = grammar_for(vision, None)
+    text = grammar.text
+    assert "<sensor1> ' == \"'<label1>'\"'" in text
     assert '"1" | "2" | "3"' in text
     assert '"good" | "bad"' in text
-    harness.Evaluator(vision, episodes=5)([[3, 1, 4, 1, 5, 9, 2, 6] * 4])
+    draw, asked = np.random.default_rng(0), 0
+    for _ in range(200):
+        if (found := derive(grammar, draw.integers(0, 256, 60, dtype=np.int32)).phenotype) is not None:
+            asked += ' == "' in found
+            parse(found, words_of(vision))
+    assert asked > 5
 
 
 @pytest.mark.parametrize("spec", ["exit", "accuracy:0.7"])
@@ -411,11 +418,11 @@ def test_damaged_arrays_are_refused(vision, tmp_path, damage, message):
         (lambda s: (s[0]._replace(name="2"), *s[1:]), "two sensors share a name"),
         (lambda s: (s[0]._replace(labels=("good",)), *s[1:]), "sensors is no list of"),
         (lambda s: (s[0]._replace(labels=("good", "bad", "so so")), *s[1:]), "are no combinations"),
-        (lambda s: s[:2], "sensor_row has the shape"),
+        (lambda s: s[:2], "observation_probability has the shape"),
     ],
 )
 def test_sensors_that_do_not_fit_are_refused(vision, tmp_path, change, message):
-    changed = dataclasses.replace(vision, sensors=change(vision.sensors))
+    changed = dataclasses.replace(vision, sensors=change(vision.sensors), layout={"kind": "none"})
     domains.save(changed, tmp_path / "bad.npz")
     with pytest.raises(harness.SnapshotError, match=message):
         harness.load(tmp_path / "bad.npz")
@@ -433,10 +440,33 @@ def test_what_is_too_large_to_be_joined_says_so(vision):
 
 
 @pytest.mark.parametrize("ending", ["pomdp", "pomdpx"])
-@pytest.mark.parametrize("name", ["vision", "mixed"])
-def test_a_model_file_says_the_same(name, ending, request, tmp_path):
-    domain = request.getfixturevalue(name)
-    path = tmp_path / f"model.{ending}"
-    harness.write_model(domain, path)
-    read = harness.load(path)
-    assert models.brute_force(read, 2) == pytest.approx(models.brute_force(domain, 2), abs=1e-9)
+def test_a_model_file_says_the_same(vision, ending, tmp_path):
+    harness.write_model(vision, tmp_path / f"model.{ending}")
+    read = harness.load(tmp_path / f"model.{ending}")
+    assert models.brute_force(read, 2) == pytest.approx(models.brute_force(vision, 2), abs=1e-9)
+
+
+def test_a_pomdpx_file_says_what_steps_and_sensors_tell(tmp_path):
+    """Where the step tells something too, there is an observed variable for that and one for each sensor."""
+    b = models.Builder([2, 3], 2, 2)
+    b.sensors = [["left", 0, ["l0", "l1"]], ["right", 1, ["r0", "r1", "r2"]]]
+    readings = [b.reading([p, 1 - p]) for p in (0.7, 0.2)]
+    draw = np.random.default_rng(4)
+    for _ in range(2):
+        b.choice(0, [[(0, x, 0.4, readings[x], 1.0), (1, 1 - x, 0.6, readings[1 - x], -x)] for x in (0, 1)])
+        b.choice(-1, [[(1, 0, 1.0, readings[0], 0.5)]])
+    for _ in range(4):
+        b.sense([draw.dirichlet(np.ones(2), 2), draw.dirichlet(np.ones(3), 3)])
+    made = b.domain("telling", 0.9, [False, False], 0, [[0.5, 0.5], [0.2, 0.3, 0.5]])
+    harness.write_model(made, tmp_path / "telling.pomdpx")
+    text = (tmp_path / "telling.pomdpx").read_text()
+    assert text.count("<ObsVar ") == 3
+    read = harness.load(tmp_path / "telling.pomdpx")
+    assert read.n_observations == made.n_observations == 12
+    assert models.brute_force(read, 3) == pytest.approx(models.brute_force(made, 3), abs=1e-9)
+
+
+def test_a_model_that_no_file_can_say_is_refused_in_one_sentence(mixed, tmp_path):
+    for ending in ("pomdp", "pomdpx"):
+        with pytest.raises(harness.HarnessError, match="depends on where the step came from"):
+            harness.write_model(mixed, tmp_path / f"model.{ending}")

@@ -45,6 +45,7 @@ def joined(domain: Domain) -> Domain:
         layout={"kind": "none"},
         arrays={**_steps(domain), **_start(domain), "visible_values": domain.visible_values},
         sensors=(),
+        live=None,
     )
 
 

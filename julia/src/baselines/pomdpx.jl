@@ -161,9 +161,8 @@ function write_sensor(io, m, j)
     for v in 1:nvisible(m), x in 1:factor_sizes(m)[k]
         is_terminal_value(m, v) && continue
         tables = [label_table(m, j, action_at(m, i), representative(m, v, k, x), n) for i in eachindex(actions(m))]
-        for (i, table) in allequal(tables) ? ["*" => first(tables)] : ["a$(i - 1)" => table for (i, table) in enumerate(tables)]
-            push!(entries, "$i s$(v - 1) s$(x - 1) -" => words(table))
-        end
+        named = allequal(tables) ? ["*" => first(tables)] : ["a$(i - 1)" => table for (i, table) in enumerate(tables)]
+        append!(entries, ["$a s$(v - 1) s$(x - 1) -" => words(table) for (a, table) in named])
     end
     conditional(io, "CondProb", "sensor$j", ["action", "visible_1", "f$(k)_1"], entries)
 end
