@@ -84,7 +84,8 @@ def states(domain: Domain) -> str:
 
 def _conditions(words: Words, remarks: list[str]) -> Rules:
     """The rules below a condition; the alternatives of the condition itself stand under the empty name."""
-    labels = [_terminal(said) for label in words.labels if label != "none" and (said := in_quotes(label))]
+    sensors = words.domain.sensors
+    labels = [] if sensors else _said(label for label in words.labels if label != "none")
     beliefs = [_terminal(name) for name in words.beliefs if can_say(name)]
     tests: list[str] = []
     rules: Rules = {}
@@ -92,9 +93,13 @@ def _conditions(words: Words, remarks: list[str]) -> Rules:
         tests += [f"{_terminal(words.reading)} == <label>", *(["<check> == <label>"] if words.checks else [])]
         rules |= {"check": [_terminal(each) for each in words.checks]} if words.checks else {}
         rules["label"] = labels
-        if not np.isnan(words.numbers).any() and words.numbers.min() >= 0:
+        if not np.isnan(words.numbers[0]).any() and words.numbers[0].min() >= 0:
             tests.append(f"{_terminal(words.reading)} < <level>")
-            rules["level"] = _numbers(words.numbers)
+            rules["level"] = _numbers(words.numbers[0])
+    for number, shared in enumerate(dict.fromkeys(sensor.labels for sensor in sensors), 1):
+        tests.append(f"<sensor-{number}> == <label-{number}>")
+        rules[f"sensor-{number}"] = [_terminal(each.name) for each in sensors if each.labels == shared]
+        rules[f"label-{number}"] = _said(shared)
     if beliefs := _few(beliefs, "belief features", remarks):
         tests.append("<belief> > 0.<digit><digit>")
         rules |= {"belief": beliefs, "digit": [str(digit) for digit in range(10)]}
@@ -103,6 +108,11 @@ def _conditions(words: Words, remarks: list[str]) -> Rules:
             tests.append(f"{_terminal(name)} < <number-{number}>")
             rules[f"number-{number}"] = values
     return {"": tests, **rules} if tests else {}
+
+
+def _said(labels: Iterable[str]) -> list[str]:
+    """Those that a program can say."""
+    return [_terminal(said) for label in labels if (said := in_quotes(label))]
 
 
 def _few(alternatives: list[str], what: str, remarks: list[str]) -> list[str]:

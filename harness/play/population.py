@@ -18,7 +18,18 @@ from harness import host
 from harness.engine import rng
 from harness.engine.tables import TablesEngine
 from harness.model.domain import Domain
-from harness.model.tables import STOP, Records, Tables, compiled, draw_outcome, draw_reading, row_of, update_belief
+from harness.model.tables import (
+    STOP,
+    Records,
+    Tables,
+    compiled,
+    draw_labels,
+    draw_outcome,
+    draw_reading,
+    row_of,
+    update_belief,
+    update_sensed,
+)
 from harness.play import executor
 from harness.play.evaluation import simulate
 from harness.play.executor import Workers
@@ -258,6 +269,7 @@ def _play(
 ) -> None:
     choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions
     reading_cdf, reading_probability, factor_offset = t.reading_cdf, t.reading_probability, t.factor_offset
+    sensors = t.sensors
     values = np.zeros((1, start_values.shape[1]), dtype=np.int16)
     marginals = np.zeros((1, start_marginals.shape[1]))
     registers = np.zeros((1, n_registers), dtype=np.int32)
@@ -310,6 +322,11 @@ def _play(
                         update_belief(
                             choices, rows, outcomes, reading_probability, va, v, o, marginals, 0, start, n, scratch
                         )
+                    if sensors is not None:
+                        va, q = v * n_actions + a, outcomes[i].reading
+                        o = draw_labels(sensors, reading_probability, reading_cdf, q, o, left, va, values, 0)
+                        if track:
+                            update_sensed(sensors, factor_offset, va, o, marginals, 0, scratch)
                     step += 1
             returns[p, e] = total
         visited[p], readings[p] = cells, told

@@ -115,7 +115,7 @@ def quantity(
         return float(registers[e, line.arg])
     if observation < 0:
         return np.nan
-    return float(observation) if line.arg == 1 else float(numbers[observation])
+    return float(numbers[line.arg, observation])
 
 
 @lean

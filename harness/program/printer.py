@@ -114,8 +114,11 @@ def _test(program: _Compiled, pc: int) -> str:
         return _spelling(words.places, arg)
     if op == REGISTER:
         return f"{_spelling(words.checks, arg)} == {in_quotes(_spelling(words.labels, int(value)))}"
-    if op == READING and arg == 1:
-        return f"{words.reading} == {in_quotes(_spelling(words.labels, int(value)))}"
+    if op == READING and arg > 0:
+        sensor = arg in words.sensors.values()
+        labels = words.sensor_labels(arg) if sensor else words.labels
+        asked = _spelling(words.sensors, arg) if sensor else words.reading
+        return f"{asked} == {in_quotes(_spelling(labels, int(value)))}"
     left = {READING: lambda: words.reading, VISIBLE: lambda: _spelling(words.visible, arg)}.get(
         op, lambda: _spelling(words.beliefs, arg)
     )()

@@ -40,6 +40,7 @@ _TEST = re.compile(
     r"(?P<left>.+?)\s*(?P<compare>==|<|>)\s*(?:(?P<number>\d+(?:\.\d+)?)|\"(?P<double>.*)\"|'(?P<single>.*)'|(?P<bare>\S+))",
     re.DOTALL,
 )
+_INDEX = 1  # the row of Words.numbers that is compared with a label's index
 _LARGEST_NUMBER = 1e9  # up to it every number is spelled as it was read
 _CHECK = re.compile(r"check\((\d+)\)")
 _READING_WORDS = {"bordercross": "distance()"}
@@ -65,8 +66,11 @@ class Words:
     """An observation's label and its index."""
     checks: dict[str, int]
     """``3`` in ``3 == "good"``, and the register that keeps the last reading of ``check(3)``."""
+    sensors: dict[str, int]
+    """``3`` in ``3 == "good"`` where a sensor reads unasked after every step, and its row in :attr:`numbers`."""
     numbers: NDArray[np.float64]
-    """(O,) the observations' labels as numbers; NaN where a label is none."""
+    """(2 + J, O) what the READING of an observation is: its label as a number, NaN where it is none; its index; and of
+    each of J sensors the index of the sensor's label in it."""
     register: NDArray[np.int16]
     """(A,) register that keeps an action's reading; −1 for none."""
     statements: dict[str, bytes] = field(default_factory=dict, repr=False)
@@ -103,14 +107,18 @@ class Words:
         left, compare = _tight(test["left"]), COMPARISONS[test["compare"]]
         label = next((test[group] for group in ("double", "single", "bare") if test[group] is not None), None)
         if left in self.checks:
-            return instruction(REGISTER, self.checks[left], compare=EQUAL, value=self._label(test, label))
+            return instruction(REGISTER, self.checks[left], compare=EQUAL, value=self._label(test, label, self.labels))
+        if left in self.sensors:
+            row = self.sensors[left]
+            value = self._label(test, label, self.sensor_labels(row))
+            return instruction(READING, row, compare=EQUAL, value=value)
         if label is not None and left == self.reading:
-            return instruction(READING, 1, compare=EQUAL, value=self._label(test, label))
+            return instruction(READING, _INDEX, compare=EQUAL, value=self._label(test, label, self.labels))
         sources = {**dict.fromkeys(self.beliefs, BELIEF), **dict.fromkeys(self.visible, VISIBLE)}
-        if not np.isnan(self.numbers).all():
+        if not np.isnan(self.numbers[0]).all():
             sources[self.reading] = READING
         if left not in sources:
-            known = [*sources, *(f'{i} == "…"' for i in self.checks)]
+            known = [*sources, *(f'{i} == "…"' for i in (*self.checks, *self.sensors))]
             raise PolicyError(self._unknown("quantity", left, known))
         if test["number"] is None:
             raise PolicyError(f"{left} is compared with a number, not with {quoted(label)}")
@@ -119,13 +127,17 @@ class Words:
         column = {**self.beliefs, **self.visible}.get(left, 0)
         return instruction(sources[left], column, compare=compare, value=float(test["number"]))
 
-    def _label(self, test: re.Match[str], label: str | None) -> float:
+    def sensor_labels(self, row: int) -> dict[str, int]:
+        """The labels of the sensor with this row in :attr:`numbers`, and their indices."""
+        return {label: i for i, label in enumerate(self.domain.sensors[row - _INDEX - 1].labels)}
+
+    def _label(self, test: re.Match[str], label: str | None, labels: dict[str, int]) -> float:
         text = label if label is not None else test["number"]
         if test["compare"] != "==":
             raise PolicyError(f"a reading is compared by ==, not by {test['compare']}")
-        if text not in self.labels:
-            raise PolicyError(self._unknown("reading", text, self.labels))
-        return float(self.labels[text])
+        if text not in labels:
+            raise PolicyError(self._unknown("reading", text, labels))
+        return float(labels[text])
 
     def _unknown(self, what: str, word: str, known: Iterable[str]) -> str:
         words = list(known)
@@ -136,6 +148,7 @@ class Words:
 def words_of(domain: Domain) -> Words:
     """The words of a domain's actions, belief features, visible part and observations."""
     registers: dict[str, int] = {}
+    n = domain.n_observations
     register = np.full(domain.n_actions, -1, dtype=np.int16)
     for i, name in enumerate(domain.actions):
         if (check := _CHECK.fullmatch(_tight(name))) is not None:
@@ -149,7 +162,8 @@ def words_of(domain: Domain) -> Words:
         _READING_WORDS.get(domain.layout["kind"], "reading()"),
         {label: i for i, label in enumerate(domain.observations)},
         registers,
-        np.array([_number(label) for label in domain.observations]),
+        {sensor.name: _INDEX + 1 + j for j, sensor in enumerate(domain.sensors)},
+        np.vstack([[_number(label) for label in domain.observations], np.arange(n), domain.labels_of(np.arange(n)).T]),
         register,
     )
 

@@ -111,6 +111,7 @@ def _described(domain: Domain) -> dict[str, Any]:
         "name": domain.name,
         "actions": domain.actions,
         "observations": domain.observations,
+        "sensors": [sensor.labels for sensor in domain.sensors],
         "discount": domain.discount,
         "visible": domain.visible_names,
         "factors": domain.factors,

@@ -104,8 +104,8 @@ def ending(last: Step, horizon: int) -> str:
 
 def reading(batch: Batch) -> int | None:
     """Index of what the first episode of a batch has just read; None where it read nothing."""
-    observation = int(batch.observation[0])
-    return None if observation < 0 or batch.domain.observations[observation] == "none" else observation
+    observation, silent = int(batch.observation[0]), bool(batch.domain.sensors) and batch.done[0]
+    return None if observation < 0 or silent or batch.domain.observations[observation] == "none" else observation
 
 
 def _reading(batch: Batch) -> str:

@@ -16,7 +16,7 @@ using SHA: SHA
 using SpecialFunctions: erf
 using StaticArrays: SVector, setindex
 
-export RockSample, RockState, BorderCross, BorderState, FactoredUpdater, FactoredBelief, belief_updater
+export RockSample, RockState, FieldVision, BorderCross, BorderState, FactoredUpdater, FactoredBelief, belief_updater
 export UP, RIGHT, DOWN, LEFT, SAMPLE, COOPERATE, check, instance
 export OutsidePolicy, python_policy
 export action_names, observation_names, belief_features, layout, shapings, shaped
@@ -24,6 +24,7 @@ export action_names, observation_names, belief_features, layout, shapings, shape
 include("interface.jl")
 include("flat.jl")
 include("rocksample.jl")
+include("fieldvision.jl")
 include("bordercross.jl")
 include("updater.jl")
 include("simulator.jl")

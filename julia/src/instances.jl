@@ -27,6 +27,11 @@ const ROCKS_15_15 = [
     (13, 8), (14, 0),
 ]
 
+# Maps of T. Smith's generators (ZMDP, src/pomdpModels/gen_RockSample_5_5 and _5_7), which start in (0, 2) as here.
+const FIELD_5_5 = [(2, 4), (0, 4), (3, 3), (2, 2), (4, 1)]
+const FIELD_5_7 = [(1, 0), (2, 1), (1, 2), (2, 2), (4, 2), (0, 3), (3, 4)]
+
+field_on(n, cells) = FieldVision([c .+ 1 for c in cells]; columns = n)
 rocks_on(n, cells) = RockSample([c .+ 1 for c in cells]; columns = n)
 
 const BORDERCROSS_HISTORY = [
@@ -46,6 +51,14 @@ const INSTANCES = [
     Instance(
         "rocksample-15x15", 1, "RockSample(15, 15), a layout of this project (none is published)", ["1: first release"],
         [SHARED_SOURCES; "rocksample.jl"], () -> rocks_on(15, ROCKS_15_15),
+    ),
+    Instance(
+        "fieldvision-rocksample-5x5", 1, "FieldVisionRockSample(5, 5), every step reads all rocks", ["1: first release"],
+        [SHARED_SOURCES; "rocksample.jl"; "fieldvision.jl"], () -> field_on(5, FIELD_5_5),
+    ),
+    Instance(
+        "fieldvision-rocksample-5x7", 1, "FieldVisionRockSample(5, 7), every step reads all rocks", ["1: first release"],
+        [SHARED_SOURCES; "rocksample.jl"; "fieldvision.jl"], () -> field_on(5, FIELD_5_7),
     ),
     Instance(
         "bordercross-7x8", 2, "BorderCross, both robots start in known cells", BORDERCROSS_HISTORY,

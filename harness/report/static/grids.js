@@ -82,14 +82,14 @@ function rockSample(domain) {
     const aside = onRock ? 18 : 0; // in the corner of the cell, where it hides none of the rock's numbers
     agent.style.transform = `translate(${x + aside}px, ${y + aside}px) scale(${onRock ? 0.55 : 1})`;
     trail.setAttribute("points", places.map((place) => at(...place).join()).join(" "));
-    const { checked, word } = check(domain, episode, k);
+    const { checked, words } = read(domain, episode, k);
     rocks.forEach((rock, i) => {
       const belief = episode.beliefs[k][i] / 1000;
       const { fill, ink } = shade(belief);
       rock.disc.style.fill = fill;
       for (const part of [rock.name, rock.value]) part.style.fill = ink;
       rock.value.textContent = belief.toFixed(2);
-      rock.tag.textContent = i === checked ? word : "";
+      rock.tag.textContent = words[i] ?? "";
       rock.group.classList.toggle("checked", i === checked);
     });
     beam.style.display = checked < 0 ? "none" : "";
@@ -109,11 +109,25 @@ function path(episode, k, domain) {
   return places;
 }
 
-/** Which rock the step has checked, and what was read there. */
-function check(domain, episode, k) {
+/** Which rock the step has checked, −1 for none, and what was read of the rocks, by number. */
+function read(domain, episode, k) {
+  if (episode.reading[k] < 0) return { checked: -1, words: {} };
+  if (domain.sensors.length) return { checked: -1, words: sensed(domain, episode.reading[k]) };
   const found = /^check\((\d+)\)$/.exec(domain.actions[episode.action[k]] ?? "");
-  if (!found || episode.reading[k] < 0) return { checked: -1, word: "" };
-  return { checked: Number(found[1]) - 1, word: domain.observations[episode.reading[k]] };
+  if (!found) return { checked: -1, words: {} };
+  const checked = Number(found[1]) - 1;
+  return { checked, words: { [checked]: domain.observations[episode.reading[k]] } };
+}
+
+/** The label that each sensor read; the last one runs fastest in the number of a reading. */
+function sensed(domain, reading) {
+  const words = {};
+  for (let [j, rest] = [domain.sensors.length - 1, reading]; j >= 0; j -= 1) {
+    const labels = domain.sensors[j];
+    words[j] = labels[rest % labels.length];
+    rest = Math.floor(rest / labels.length);
+  }
+  return words;
 }
 
 function borderCross(domain) {
