@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,31 +163,56 @@ def _sensor_breaches(d: Domain) -> Iterator[str]:
         yield f"{d.n_observations} observations are no combinations of the {d.n_labels} of the sensors' labels"
 
 
+_COLUMNS: dict[str, tuple[str, ...]] = {"rocksample": ("exit_column",), "grid": ()}
+"""Which columns a layout names by its kind; any other names an exit and a wall."""
+
+
 def _layout_breaches(d: Domain) -> Iterator[str]:
     """The layout has what policies and drawings of its kind take from it."""
     layout, kind = d.layout, d.layout.get("kind")
     if not isinstance(kind, str):
         yield "the layout says no kind"
     elif kind != "none":
-        columns = ("rows", "columns", "exit_column", *(() if kind == "rocksample" else ("wall_column",)))
-        for name in columns:
+        for name in ("rows", "columns", *_COLUMNS.get(kind, ("exit_column", "wall_column"))):
             if not whole(layout.get(name), 1, _LARGEST_GRID):
                 yield f"the layout's {name} is {quoted(layout.get(name))}, not a number of 1 … {_LARGEST_GRID}"
         if layout.get("rows_grow") not in ("up", "down"):
             yield "the layout's rows_grow is neither 'up' nor 'down'"
         if kind == "rocksample":
             yield from _rock_breaches(d)
+        elif kind == "grid":
+            yield from _map_breaches(d)
+
+
+def _are_cells(value: Any) -> TypeGuard[list[list[int]]]:
+    return isinstance(value, list) and all(
+        isinstance(cell, list) and len(cell) == 2 and all(whole(x, 1, _LARGEST_GRID) for x in cell) for cell in value
+    )
+
+
+def _map_breaches(d: Domain) -> Iterator[str]:
+    """Walls, signs and the cells that values of a hidden factor stand for."""
+    signs, cells = d.layout.get("signs"), d.layout.get("hidden_cells")
+    if not _are_cells(d.layout.get("walls")):
+        yield "the layout's walls are no list of cells [x, y]"
+    if not isinstance(signs, list) or not all(
+        isinstance(sign, list) and sign and is_name(sign[0]) and len(sign[0]) == 1 and _are_cells([sign[1:]])
+        for sign in signs
+    ):
+        yield "the layout's signs are no list of [character, x, y]"
+    if not _are_cells(cells) or (cells and [len(cells)] != [len(labels) for labels in d.factor_labels]):
+        yield "the layout's hidden_cells are no list of cells [x, y], one for every value of the one hidden factor"
 
 
 def _rock_breaches(d: Domain) -> Iterator[str]:
     rocks, reach = d.layout.get("rocks"), d.layout.get("half_efficiency_distance")
-    if not isinstance(rocks, list) or not all(
-        isinstance(cell, list) and len(cell) == 2 and all(whole(x, 1, _LARGEST_GRID) for x in cell) for cell in rocks
-    ):
+    if not _are_cells(rocks):
         yield "the layout's rocks are no list of cells [x, y]"
         return
     if not isinstance(reach, (int, float)) or not 0 < reach < 1e9:
         yield f"the layout's half_efficiency_distance is {quoted(reach)}, not a number above 0"
+    if not isinstance(best := d.layout.get("best_accuracy", 1.0), (int, float)) or not 0.5 <= best <= 1:
+        yield f"the layout's best_accuracy is {quoted(best)}, not a number of 0.5 … 1"
     moves = ("up()", "right()", "down()", "left()", "sample()")
     checks = d.actions[d.actions.index("check(1)") :][: len(rocks)] if "check(1)" in d.actions else ()
     numbers = [str(i + 1) for i in range(len(rocks))]

@@ -93,8 +93,8 @@ def _episodes(
 
 
 def _check_course(d: Domain, engine: str, episodes: int, seed: int, policy: RandomPolicy) -> Iterator[str]:
-    t = _exported(d)
-    starts, predict = np.zeros(d.n_visible), _predictor(d)
+    t, predict = _exported(d), _predictor(d)
+    starts = np.zeros(d.n_visible)
     surprise: list[NDArray[np.float64]] = []
     before: Batch | None = None
     for record in simulate(d, policy, engine, seed, 0, episodes, HORIZON):

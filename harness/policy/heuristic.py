@@ -27,7 +27,7 @@ class RockMap(NamedTuple):
     toward: NDArray[np.int32]
     """(V, K) the move toward the rock, column first, then row; sample() on it."""
     accuracy: NDArray[np.float64]
-    """(V, K) probability that a reading is right (eq. 3)."""
+    """(V, K) probability that a reading is right (eq. 3; by a sensor that errs everywhere, less)."""
     right: int
     sample: int
     check: int
@@ -52,14 +52,16 @@ class RockMap(NamedTuple):
 
 def rock_map(domain: Domain) -> RockMap:
     """The map of a RockSample domain."""
-    away = np.array(domain.layout["rocks"]) - domain.visible_values[:, None, :].astype(np.int64)  # (V, K, 2)
+    layout = domain.layout
+    away = np.array(layout["rocks"]) - domain.visible_values[:, None, :].astype(np.int64)  # (V, K, 2)
     dx, dy = away[..., 0], away[..., 1]
     steps = [domain.action(name) for name in ("right()", "left()", "up()", "down()")]
     return RockMap(
         distance=np.abs(dx) + np.abs(dy),
         ahead=np.maximum(dx, 0),
         toward=np.select([dx > 0, dx < 0, dy > 0, dy < 0], steps, domain.action("sample()")).astype(np.int32),
-        accuracy=0.5 + 0.5 * 2.0 ** (-np.hypot(dx, dy) / domain.layout["half_efficiency_distance"]),
+        accuracy=0.5
+        + (layout.get("best_accuracy", 1.0) - 0.5) * 2.0 ** (-np.hypot(dx, dy) / layout["half_efficiency_distance"]),
         right=domain.action("right()"),
         sample=domain.action("sample()"),
         check=-1 if domain.sensors else domain.action("check(1)"),

@@ -303,7 +303,7 @@ def _origin(entry: Entry) -> dict[str, Any]:
 
 def _reference(entry: Entry, horizon: int) -> dict[str, Any] | None:
     found = published.reference(entry.domain.name, entry.name, horizon)
-    if found is None:
+    if found is None or not registry.ships(entry.domain):
         return None
     return {"discounted_mean": found.value, "error": found.error, "source": found.source}
 

@@ -156,6 +156,13 @@ Names of the observations in the order of `obsindex`.
 observation_names(m::POMDP) = [string(o) for o in ordered_observations(m)]
 
 """
+    state_names(m)
+
+Names of the states in the order of `stateindex`, of a model that is one hidden factor to the harness.
+"""
+state_names(m::POMDP) = [string(s) for s in ordered_states(m)]
+
+"""
     action_at(m, i)
 
 The action with index `i`. Must be fast: the batch simulator calls it once an episode and step.

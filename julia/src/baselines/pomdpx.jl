@@ -51,10 +51,13 @@ end
 
 function write_start(io, m)
     priors = visible_priors(m, initialstate(m))
-    length(priors) == 1 || throw(ArgumentError("the initial visible part is random: not supported in POMDPX output"))
-    v, marginals = only(priors)
+    marginals = first(values(priors))
+    all(≈(marginals), values(priors)) ||
+        throw(ArgumentError("what is hidden at the start hangs on what is visible: not supported in POMDPX output"))
+    seen = zeros(nvisible(m))
+    foreach(((s, p),) -> seen[visible_index(m, s)] += p, weighted_iterator(initialstate(m)))
     println(io, "<InitialStateBelief>")
-    conditional(io, "CondProb", "visible_0", ["null"], [("-", words(one_hot(v, nvisible(m))))])
+    conditional(io, "CondProb", "visible_0", ["null"], [("-", words(seen))])
     for k in eachindex(hidden_sizes(m))
         table = isempty(factor_sizes(m)) ? "1.0" : words(marginals[offset(m, k) .+ (1:factor_sizes(m)[k])])
         conditional(io, "CondProb", "f$(k)_0", ["null"], [("-", table)])
