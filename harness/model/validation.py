@@ -219,7 +219,7 @@ def _rock_breaches(d: Domain) -> Iterator[str]:
     seen = [(sensor.name, sensor.factor) for sensor in d.sensors] == list(zip(numbers, itertools.count()))
     asked = not d.sensors and checks == tuple(f"check({i})" for i in numbers)
     if not rocks or not set(moves) <= set(d.actions) or not (asked or seen):
-        yield "the actions are not those of RockSample, one check or sensor for every rock in order"
+        yield "the actions are not those of RockSample, one check for every rock in order, or else a sensor for each"
     readings = [sensor.labels for sensor in d.sensors] or [d.observations]
     if len(d.features) != len(rocks) or d.visible_names != ("x", "y") or any("good" not in r for r in readings):
         yield "features, visible names or observations are not those of RockSample"
