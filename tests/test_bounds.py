@@ -65,5 +65,5 @@ def test_what_is_rounded_up_is_not_below_and_less_than_a_step_above():
 
 
 def test_a_bound_that_is_not_stored_is_refused_in_one_sentence():
-    with pytest.raises(harness.HarnessError, match="no such file"):
+    with pytest.raises(harness.HarnessError, match="no such bound ships for tiger"):
         harness.compare(models.tiger(), ["random", "optimum"], episodes=5, engine="tables")

@@ -68,6 +68,14 @@ def test_the_two_engines_give_the_same_episodes_bit_for_bit(name, spec):
             assert np.array_equal(x, y)
 
 
+@pytest.mark.parametrize("name", sorted(set(registry.names()) - set(NAMED_7X8)))
+def test_every_domain_is_stepped_alike_by_both_engines(name):
+    domain = harness.load(name)
+    tables, julia = (course(domain, "random", engine, 50) for engine in ("tables", "julia"))
+    assert len(tables) == len(julia)
+    assert all(np.array_equal(x, y) for a, b in zip(tables, julia, strict=True) for x, y in zip(a, b, strict=True))
+
+
 @pytest.mark.parametrize("shaping", ["paper", "potential"])
 def test_shaped_rewards_are_the_same_on_both_engines(shaping, bordercross):
     domain = bordercross.shaped(shaping)

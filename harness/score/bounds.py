@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from harness import registry
+from harness.errors import SnapshotError
 from harness.model.domain import Domain
 from harness.policy import Policy
 from harness.solver import solution
@@ -51,12 +53,18 @@ def cells(domain: Domain, name: str, horizon: int) -> dict[str, Any]:
 
 
 def _proven(domain: Domain) -> Bounds | None:
-    path = registry.policy_path(domain.name, solution.OWN)
-    return solution.bounds(solution.read(path, domain, *solution.OWN_KINDS).record)
+    return solution.bounds(solution.read(_stored(domain, solution.OWN), domain, *solution.OWN_KINDS).record)
+
+
+def _stored(domain: Domain, word: str) -> Path:
+    path = registry.stored_policy(domain, word)
+    if path is None:
+        raise SnapshotError(f"no such bound ships for {domain.name}; solve it: harness solve {domain.name}")
+    return path
 
 
 def _everything_observed(domain: Domain, horizon: int) -> dict[str, Any]:
-    record = solution.read(registry.policy_path(domain.name, MDP), domain, solution.BOUND_KIND).record
+    record = solution.read(_stored(domain, MDP), domain, solution.BOUND_KIND).record
     mean = record["undiscounted"] if record["horizon"] == horizon else None
     return {"mean": mean, "discounted_mean": record["discounted"]}
 

@@ -266,7 +266,7 @@ def footnote(table: pd.DataFrame) -> str:
     lines += _details(table)
     first = table.iloc[0]
     others = published.not_run_here(first["domain"], table["policy"].tolist(), first["horizon"])
-    if others and first["domain_version"]:  # 0: a user's model, which may bear the name of one of ours
+    if others and first.get("domain_version") != 0:  # 0: a user's model, which may bear the name of one of ours
         figures = ", ".join(f"{p.method} {_plus_minus(p.value, p.error)}" for p in others)
         lines.append(f"Published, not run here (discounted): {figures}.")
     return "\n".join(lines)
