@@ -15,6 +15,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from typing import Any
 
+    from harness.benchmark.suite import Suite, suite
     from harness.bridge import from_model
     from harness.engine.batch import Batch
     from harness.errors import HarnessError, JuliaError, PolicyError, SnapshotError
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from harness.expectation.smooth.forward import Smooth, smooth
     from harness.expectation.sums import Exact, Interval
     from harness.formats import from_arrays, write_model
+    from harness.ge.defaults import grammar
     from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
     from harness.ge.simplifying import simplify
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
     from harness.reproduction import reproduce
-    from harness.score.aggregation import aggregate
+    from harness.score.aggregation import aggregate, coverage
     from harness.score.comparison import compare
     from harness.score.literature import literature
     from harness.score.rendering import render
@@ -66,6 +68,7 @@ __all__ = [
     "Score",
     "Smooth",
     "SnapshotError",
+    "Suite",
     "Tunable",
     "aggregate",
     "check_domain",
@@ -74,6 +77,7 @@ __all__ = [
     "cluster",
     "compare",
     "compare_figure",
+    "coverage",
     "draw_beliefs",
     "draw_episode",
     "draw_layout",
@@ -82,6 +86,7 @@ __all__ = [
     "exact",
     "from_arrays",
     "from_model",
+    "grammar",
     "literature",
     "load",
     "names",
@@ -92,6 +97,7 @@ __all__ = [
     "simplify",
     "smooth",
     "solve",
+    "suite",
     "sweep",
     "sweep_figure",
     "tune",
@@ -119,6 +125,7 @@ _HOME = {
     "Score": "play.evaluation",
     "Smooth": "expectation.smooth.forward",
     "SnapshotError": "errors",
+    "Suite": "benchmark.suite",
     "Tunable": "tuning",
     "aggregate": "score.aggregation",
     "check_domain": "play.conformance",
@@ -127,6 +134,7 @@ _HOME = {
     "cluster": "play.cluster",
     "compare": "score.comparison",
     "compare_figure": "show.figures",
+    "coverage": "score.aggregation",
     "draw_beliefs": "show.figures",
     "draw_episode": "show.figures",
     "draw_layout": "show.figures",
@@ -135,6 +143,7 @@ _HOME = {
     "exact": "expectation.forward",
     "from_arrays": "formats",
     "from_model": "bridge",
+    "grammar": "ge.defaults",
     "literature": "score.literature",
     "load": "registry",
     "names": "registry",
@@ -145,6 +154,7 @@ _HOME = {
     "simplify": "ge.simplifying",
     "smooth": "expectation.smooth.forward",
     "solve": "solver.solving",
+    "suite": "benchmark.suite",
     "update_scores": "regression.checking",
     "sweep": "tuning",
     "sweep_figure": "tuning.figures",

@@ -312,9 +312,9 @@ def _value_of(path: Path) -> Any:
 
 def _from_model(made: Any, about: Mapping[str, Any], live: Any) -> Domain:
     jl = julia()
-    exported = call(jl.tables, made)
-    arrays = {name: exported_array(getattr(exported, name)) for name in domains.ARRAYS}
-    return domains.from_export({**about, **to_python(call(jl.describe, made))}, arrays, live)
+    exported, described = call(jl.tables, made), to_python(call(jl.describe, made))
+    arrays = {name: exported_array(getattr(exported, name)) for name in domains.types(described.get("sensors", ()))}
+    return domains.from_export({**about, **described}, arrays, live)
 
 
 def exported_array(value: Any) -> NDArray[Any]:

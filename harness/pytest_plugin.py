@@ -64,6 +64,7 @@ class ScoreRegression:
         engine: str = "auto",
         max_episodes: int | None = None,
         exact: bool = False,
+        how: str = "sampled",
         name: str | None = None,
         **limits: float,
     ) -> None:
@@ -80,7 +81,9 @@ class ScoreRegression:
             horizon: steps after which an episode is truncated.
             engine: ``tables``, ``julia`` or ``auto``.
             max_episodes: at most so many behind the stored score (default: 20 times ``episodes``).
-            exact: fail unless every episode comes out as stored.
+            exact: fail unless every episode, or the computed return, comes out as stored.
+            how: ``sampled``, or ``exact``: the expected return is computed, by :func:`harness.exact`, and no episode
+                is played for it.
             name: of the stored file, instead of the test's; needed for a second check in one test.
             limits: ``false_alarm``, ``min_effect``, ``drop``, ``power``, as in :class:`harness.regression.rows.Limits`.
 
@@ -100,6 +103,7 @@ class ScoreRegression:
             horizon=horizon,
             engine=engine,
             max_episodes=max_episodes,
+            how=how,
         )
         result = single.check(self._path(name), task, limits, exact=exact, renew=self._force)
         if result is not None:

@@ -28,18 +28,18 @@ def load(name: str | Path) -> Domain:
         HarnessError: there is no such domain, or the file is damaged.
     """
     path = Path(name)
+    if str(name) in names():  # first, for one of them ends in .jl
+        return _shipped(str(name))
     if path.suffix == ".jl":
         return bridge.from_file(path)
     if path.suffix == ".npz":
         return domain.read(path)
     if formats.is_model_file(path):
         return formats.load(path)
-    if name not in names():
-        raise HarnessError(
-            f"no domain {quoted(name)}{nearest(str(name), names())} "
-            f"(known: {', '.join(names())}; or a file: .npz, .pomdp, .pomdpx, .jl)"
-        )
-    return _shipped(str(name))
+    raise HarnessError(
+        f"no domain {quoted(name)}{nearest(str(name), names())} "
+        f"(known: {', '.join(names())}; or a file: .npz, .pomdp, .pomdpx, .jl)"
+    )
 
 
 def load_from_data(name: str, allow_code: bool = False) -> Domain:
@@ -51,7 +51,7 @@ def load_from_data(name: str, allow_code: bool = False) -> Domain:
         HarnessError: it names a file, and ``allow_code`` is False; or as :func:`load`.
     """
     path = Path(name)
-    if not allow_code and (path.suffix in (".jl", ".npz") or formats.is_model_file(path)):
+    if not allow_code and name not in names() and (path.suffix in (".jl", ".npz") or formats.is_model_file(path)):
         raise HarnessError(refusal(name, "run" if path.suffix == ".jl" else "read"))
     return load(name)
 
@@ -64,6 +64,23 @@ def refusal(name: str, what: str) -> str:
 @functools.cache
 def _shipped(name: str) -> Domain:
     return domain.read(snapshot_path(name))
+
+
+def ships(domain: Domain) -> bool:
+    """Whether a domain is one of the package's, whatever its shaping, and does not only bear the name of one."""
+    return domain.name in names() and domain.model_hash == _shipped(domain.name).model_hash
+
+
+def stored_policy(domain: Domain, policy: str) -> Path | None:
+    """Where a solved policy that ships for a domain lies; None where none does."""
+    path = policy_path(domain.name, policy)
+    return path if path.exists() and ships(domain) else None
+
+
+def stored_program(domain: Domain, policy: str) -> Path | None:
+    """Where an evolved program that ships for a domain lies; None where none does."""
+    path = program_path(domain.name, policy)
+    return path if path.exists() and ships(domain) else None
 
 
 def snapshot_path(name: str) -> Path:

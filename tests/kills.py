@@ -18,6 +18,7 @@ import errno
 import io
 import os
 import random
+import re
 import shutil
 import signal
 import sys
@@ -28,6 +29,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import harness
+from harness.benchmark.budgets import Budget
 from harness.cli import main
 from harness.reproduction import QUICK, reproduce
 
@@ -49,6 +51,8 @@ TINY = replace(
     QUICK, episodes=60, gradient_episodes=30, training_episodes=6, test_episodes=20, population=10, generations=3,
     threshold_generations=2, runs=2,
 )  # fmt: skip
+
+SMALL = Budget("small", 300, 3, ("rollout:2", "pomcp:4", "despot:4"))
 
 Run = Callable[[Path], int]
 
@@ -73,6 +77,11 @@ def command(*words: str) -> Run:
 
 def reproduced(folder: Path) -> int:
     reproduce(folder, TINY, workers=1)
+    return 0
+
+
+def suited(folder: Path) -> int:
+    harness.suite(folder, SMALL, domains=["bordercross-7x8-random"], workers=2)
     return 0
 
 
@@ -107,6 +116,7 @@ CASES = {
     ),
     "sweep": Case(command(*SWEEP, "--out", "DIR"), command("sweep", "--resume", "DIR"), "sweep.json"),
     "reproduce": Case(reproduced, reproduced, "config.json"),
+    "suite": Case(suited, suited, "config.json"),
     "check --update": Case(scored, scored, "scores.toml", prepare=list_scores),
 }  # fmt: skip
 
@@ -230,12 +240,12 @@ def contents(folder: Path) -> dict[str, object]:
 
 
 def _counts(path: Path) -> bool:
-    return path.is_file() and path.suffix not in (".png", ".npz")
+    return path.is_file() and path.suffix not in (".png", ".npz", ".sha256")
 
 
 def _content(path: Path) -> object:
     if path.suffix != ".csv":
-        return path.read_bytes()
+        return re.sub(rb'^  "seconds": .*\n', b"", path.read_bytes(), flags=re.MULTILINE)
     with path.open(newline="") as file:
         return [{name: x for name, x in row.items() if name != "seconds"} for row in csv.DictReader(file)]
 

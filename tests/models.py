@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -16,6 +17,11 @@ class Builder:
         self.sizes, self.n_actions, self.n_observations = sizes, n_actions, n_observations
         self.first_row, self.factor, self.row_outcomes = [], [], [0]
         self.outcomes, self.readings = [], []
+        self.sensors, self.sensor_rows, self.sensed = (
+            [],
+            [],
+            [],
+        )  # (name, factor, labels); rows by choice; distributions
 
     def choice(self, factor, rows):
         """``rows``: for each value of the factor a list of (visible, value, probability, reading, reward)."""
@@ -34,6 +40,17 @@ class Builder:
         if probabilities not in self.readings:
             self.readings.append(probabilities)
         return self.readings.index(probabilities)
+
+    def sense(self, readings):
+        """For one more choice, in their order: for each sensor its distributions, one a value of its factor; None for
+        a terminal visible value."""
+        most = max(len(labels) for _, _, labels in self.sensors)
+        rows = []
+        for j in range(len(self.sensors)):
+            rows.append(-1 if readings is None else len(self.sensed))
+            for p in [] if readings is None else readings[j]:
+                self.sensed.append([*map(float, p)] + [0.0] * (most - len(p)))
+        self.sensor_rows.append(rows)
 
     def domain(self, name, discount, terminal, start, prior):
         columns = list(zip(*self.outcomes, strict=True))
@@ -83,6 +100,14 @@ class Builder:
             "layout": {"kind": "none"},
             "provenance": {"versions": {}},
         }
+        if self.sensors:
+            probability = np.array(self.sensed)
+            arrays |= {"sensor_row": self.sensor_rows, "sensor_probability": probability}
+            arrays["sensor_cdf"] = np.cumsum(probability, axis=1)
+            record["sensors"] = self.sensors
+            own = [[f"o{i}"] if self.n_observations > 1 else [] for i in range(self.n_observations)]
+            of_sensors = list(itertools.product(*(labels for _, _, labels in self.sensors)))
+            record["observations"] = [" ".join([*o, *labels]) for o in own for labels in of_sensors]
         return domains.from_export(record, {name: np.asarray(array) for name, array in arrays.items()})
 
 
@@ -115,6 +140,47 @@ def rocksample(n, rocks, start, discount=0.95, d0=20.0, illegal=-100.0):
     return b.domain(f"rocksample-{n}x{k}", discount, [False] * exit_ + [True], number[start], [[0.5, 0.5]] * k)
 
 
+def field_vision(n, rocks, start, discount=0.95, d0=20.0, illegal=-100.0):
+    """RockSample(n, k) as above, but without checks: every step reads all rocks, from where it has led to."""
+    k = len(rocks)
+    b = Builder([2] * k, 5, 1)
+    b.sensors = [[str(i + 1), i, ["good", "bad"]] for i in range(k)]
+    nothing = b.reading([1])
+    cells = [(x, y) for y in range(n) for x in range(n)]
+    number = {cell: i for i, cell in enumerate(cells)}
+    exit_ = len(cells)
+    for x, y in cells:
+        v = number[x, y]
+        for dx, dy in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+            if x + dx == n:
+                b.choice(-1, [[(exit_, 0, 1.0, nothing, 10.0)]])
+            elif (x + dx, y + dy) in number:
+                b.choice(-1, [[(number[x + dx, y + dy], 0, 1.0, nothing, 0.0)]])
+            else:
+                b.choice(-1, [[(v, 0, 1.0, nothing, illegal)]])
+        if (x, y) in rocks:
+            b.choice(rocks.index((x, y)), [[(v, 0, 1.0, nothing, -10.0)], [(v, 0, 1.0, nothing, 10.0)]])
+        else:
+            b.choice(-1, [[(v, 0, 1.0, nothing, 0.0)]])
+        right = [0.5 + 0.5 * 2.0 ** (-np.hypot(x - rx, y - ry) / d0) for rx, ry in rocks]
+        for _ in range(5):
+            b.sense([[[1 - p, p], [p, 1 - p]] for p in right])
+    b.end()
+    for _ in range(5):
+        b.sense(None)
+    made = b.domain(f"fieldvision-{n}x{k}", discount, [False] * exit_ + [True], number[start], [[0.5, 0.5]] * k)
+    places = np.array([[x + 1, y + 1] for x, y in cells] + [[0, 0]], dtype=np.int16)
+    layout = {"kind": "rocksample", "rows": n, "columns": n, "exit_column": n + 1, "rows_grow": "up"}
+    return dataclasses.replace(
+        made,
+        actions=("up()", "right()", "down()", "left()", "sample()"),
+        visible_names=("x", "y"),
+        features=tuple((f"belief({i + 1})", i, 1) for i in range(k)),
+        arrays={**made.arrays, "visible_values": places},
+        layout={**layout, "rocks": [[x + 1, y + 1] for x, y in rocks], "half_efficiency_distance": d0},
+    )
+
+
 def tiger():
     """Cassandra's Tiger: listen, open left, open right; γ = 0.95."""
     b = Builder([2], 3, 2)
@@ -126,9 +192,13 @@ def tiger():
     return b.domain("tiger", 0.95, [False], 0, [[0.5, 0.5]])
 
 
-def random_domain(rng, sizes, n_visible, n_actions, n_observations, discount):
-    """Anything that the tables can say: random moves, factors that change, readings that are never sure; an end."""
+def random_domain(rng, sizes, n_visible, n_actions, n_observations, discount, sensors=()):
+    """Anything that the tables can say: random moves, factors that change, readings that are never sure; an end.
+
+    ``sensors``: factor and number of labels of each thing that is read unasked.
+    """
     b = Builder(sizes, n_actions, n_observations)
+    b.sensors = [[f"{j}", k, [f"l{i}" for i in range(n)]] for j, (k, n) in enumerate(sensors)]
     readings = [b.reading(rng.dirichlet(np.ones(n_observations))) for _ in range(4)]
     for _ in range(n_visible):
         for _ in range(n_actions):
@@ -148,6 +218,9 @@ def random_domain(rng, sizes, n_visible, n_actions, n_observations, discount):
                 )
             b.choice(factor, rows)
     b.end()
+    for v in range(n_visible + 1) if sensors else ():
+        for _ in range(n_actions):
+            b.sense(None if v == n_visible else [rng.dirichlet(np.ones(n), sizes[k]) for k, n in sensors])
     prior = [rng.dirichlet(np.ones(n)).tolist() for n in sizes]
     return b.domain("random", discount, [False] * n_visible + [True], 0, prior)
 
@@ -207,9 +280,23 @@ def _best(d, belief, depth):
                 vp = int(t["outcome_visible"][j])
                 if not t["terminal"][vp]:
                     new = hidden if k < 0 else (*hidden[:k], int(t["outcome_value"][j]), *hidden[k + 1 :])
-                    for o, z in enumerate(t["observation_probability"][t["outcome_observation"][j]]):
+                    for o, z in observed(d, a, j, new):
                         if z > 0:
                             branch = after.setdefault((vp, o), {})
                             branch[vp, new] = branch.get((vp, new), 0.0) + q * z
         values.append(total + d.discount * sum(_best(d, branch, depth - 1) for branch in after.values()))
     return max(values)
+
+
+def observed(d, a, j, hidden):
+    """All that may be observed after outcome ``j`` of action ``a`` led to the ``hidden`` values: what, how likely.
+
+    What the step tells and what each sensor reads, one after the other.
+    """
+    t = d.arrays
+    ways = list(enumerate(t["observation_probability"][t["outcome_observation"][j]]))
+    for i, sensor in enumerate(d.sensors):
+        row = t["sensor_row"][t["outcome_visible"][j] * d.n_actions + a, i]
+        labels = [1.0] if row < 0 else t["sensor_probability"][row + hidden[sensor.factor]]
+        ways = [(o * len(sensor.labels) + label, p * q) for o, p in ways for label, q in enumerate(labels)]
+    return ways

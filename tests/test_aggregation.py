@@ -7,8 +7,11 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 import harness
+from harness.score import rendering
+from harness.score.aggregation import interquartile_mean
 
 DOMAINS = ("rocksample-7x8", "bordercross-7x8-random")
 POLICIES = ("random-legal", "qmdp", "sarsop")
@@ -116,3 +119,61 @@ def test_what_is_missing_is_named(table):
     with pytest.raises(harness.HarnessError, match="two rows named qmdp"):
         harness.aggregate(table.replace("sarsop", "qmdp"))
     assert "No aggregate over the domains: rocksample-7x8 has no" in harness.render(table[table["policy"] != "mdp"])
+
+
+def covering(rows):
+    """A table of (domain, policy, discounted mean, its error, bounds of the optimum)."""
+    frame = pd.DataFrame(rows, columns=["domain", "policy", "discounted_mean", "discounted_sem", "optimum"])
+    low, high = zip(*frame.pop("optimum"), strict=True)
+    return frame.assign(kind="policy", optimum_low=low, optimum_high=high)
+
+
+def test_coverage_is_over_the_domains_that_a_policy_plays():
+    """By hand: shares of the upper bound, up to those of the lower one; below 0 and without bounds there are none."""
+    none = (np.nan, np.nan)
+    frame = covering([
+        ("d0", "random-legal", 2.0, 0.0, (8.0, 10.0)), ("d0", "mine", 6.0, 0.0, (8.0, 10.0)),
+        ("d1", "random-legal", 0.0, 0.0, (4.0, 4.0)), ("d1", "mine", 3.0, 0.0, (4.0, 4.0)),
+        ("d1", "here", 4.0, 0.0, (4.0, 4.0)),
+        ("d2", "random-legal", -20.0, 0.0, (-6.0, -5.0)), ("d2", "mine", -8.0, 0.0, (-6.0, -5.0)),
+        ("d3", "mine", 7.0, 0.0, none), ("d3", "nowhere", 7.0, 0.0, none),
+    ])  # fmt: skip
+    found = harness.coverage(frame).set_index("policy")
+    assert found.index[0] == "mine"
+    assert found["played"].to_dict() == {"mine": 4, "random-legal": 3, "here": 1, "nowhere": 1}
+    assert found["share_domains"].to_dict() == {"mine": 2, "random-legal": 2, "here": 1, "nowhere": 0}
+    assert found["scale_domains"].to_dict() == {"mine": 3, "random-legal": 3, "here": 1, "nowhere": 0}
+    mine = found.loc["mine"]
+    assert mine["share_mean"] == mine["share_mean_low"] == pytest.approx((6 / 10 + 3 / 4) / 2)
+    assert mine["share_mean_high"] == pytest.approx((6 / 8 + 3 / 4) / 2)
+    assert mine["scale_mean"] == pytest.approx((4 / 8 + 3 / 4 + 12 / 15) / 3)
+    assert mine["scale_mean_high"] == pytest.approx((4 / 6 + 3 / 4 + 12 / 14) / 3)
+    assert found.loc["random-legal", ["scale_mean", "scale_mean_low", "scale_mean_high"]].eq(0).all()
+    assert found.loc["nowhere"].filter(regex="mean|iqm").isna().all()
+    cells = rendering.covered(found.reset_index()).set_index("policy")
+    assert cells.loc["mine", "of optimum"] == "0.675 [0.675, 0.750] of 2"
+    assert cells.loc["nowhere", "scaled"] == ""
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 8, 11])
+def test_the_middle_half_is_scipys_trimmed_mean(n):
+    values = np.random.default_rng(n).normal(size=(n, 3))
+    assert interquartile_mean(values, axis=0) == pytest.approx(stats.trim_mean(values, 0.25, axis=0))
+
+
+def test_coverage_of_noisy_means_has_the_normal_interval():
+    """Two domains with independent errors: the mean share has the error that they combine to."""
+    frame = covering([(d, "mine", 5.0, 0.3, (10.0, 10.0)) for d in ("d0", "d1")])
+    row = harness.coverage(frame, resamples=100_000).iloc[0]
+    half = 1.96 * 0.03 / np.sqrt(2)
+    assert [row["share_mean_low"], row["share_mean_high"]] == pytest.approx([0.5 - half, 0.5 + half], abs=0.001)
+
+
+def test_coverage_misuse():
+    frame = covering([("d0", "mine", 5.0, 0.3, (10.0, 10.0))])
+    with pytest.raises(harness.HarnessError, match="no column optimum_low"):
+        harness.coverage(frame.drop(columns="optimum_low"))
+    with pytest.raises(harness.HarnessError, match="d0 has two rows named mine"):
+        harness.coverage(pd.concat([frame, frame]))
+    with pytest.raises(harness.HarnessError, match="resamples"):
+        harness.coverage(frame, resamples=0)

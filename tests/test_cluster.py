@@ -181,12 +181,12 @@ class TestDask:
         assert here.read_text() == there.read_text()
 
     def test_a_large_population_is_cut(self, client, rocksample, monkeypatch):
-        here = harness.evolve(rocksample, generations=2, **SEARCH)
+        here = harness.evolve(rocksample, generations=2, selection="map-elites", **SEARCH)
         from harness.play import population
 
         monkeypatch.setattr(population, "_WORTH", 100)
         with harness.cluster(client):
-            there = harness.evolve(rocksample, generations=2, **SEARCH)
+            there = harness.evolve(rocksample, generations=2, selection="map-elites", **SEARCH)
         pd.testing.assert_frame_equal(*(run.history.drop(columns="seconds") for run in (here, there)), check_exact=True)
         assert here.best.text == there.best.text
 
@@ -194,10 +194,11 @@ class TestDask:
         from harness.ge import slices
 
         found = {}
+        handing_on = {"selection": "novelty", "layers": 2, "epoch": 2}  # more than a population, from slice to slice
         for where in ("here", "there"):
             with harness.cluster(client if where == "there" else "threads:1"):
                 monkeypatch.setattr(slices, "SLICE", 0.0)
-                harness.evolve("rocksample-7x8", runs=2, generations=6, out=tmp_path / where, **SEARCH)
+                harness.evolve("rocksample-7x8", runs=2, generations=6, out=tmp_path / where, **SEARCH, **handing_on)
             found[where] = {
                 str(path.relative_to(tmp_path / where)): path.read_bytes()
                 for path in sorted((tmp_path / where).rglob("*"))

@@ -204,7 +204,7 @@ def results(folder):
     """All that a run leaves, without the times."""
     history = pd.read_csv(folder / "history.csv").drop(columns="seconds")
     best = json.loads((folder / "best.json").read_text())
-    texts = [(folder / name).read_text() for name in ("finalists.csv", "improvements.json")]
+    texts = [(folder / name).read_text() for name in ("finalists.csv", "improvements.json", "hall.json", "front.csv")]
     return history, *texts, best["program"], best["score"], best["validation"]
 
 
@@ -481,6 +481,12 @@ class TestMisuse:
             ({}, {"codons": np.array([-1, 1, 1, 1], dtype=np.int32)}),
             ({"generation": -1}, {}),
             ({"generation": "6"}, {}),
+            ({}, {"born": np.zeros(3, dtype=np.int32)}),
+            ({}, {"born": np.array([0, -1], dtype=np.int32)}),
+            ({}, {"born": np.zeros(2)}),
+            ({}, {"seen": np.zeros((4, 2))}),
+            ({}, {"seen": np.zeros(3)}),
+            ({}, {"seen": np.full((1, 3), np.nan)}),
         ],
     )
     def test_a_checkpoint_that_holds_no_population(self, tmp_path, record, arrays):

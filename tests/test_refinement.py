@@ -214,7 +214,8 @@ class TestLoop:
 
     def run(self, text_of, population=None, start=0):
         population = population or loop.first_population(LISTS, self.p)
-        return list(loop.evolve(LISTS, self.p, letters, population, start, taught(text_of)))
+        lesson = loop.Lesson(taught(text_of), self.p.refine, self.p.refine_every)
+        return list(loop.evolve(LISTS, self.p, letters, population, start, lessons=[lesson]))
 
     def test_lamarck_passes_on_what_baldwin_only_is_judged_by(self):
         plain = list(loop.evolve(LISTS, self.p, letters, loop.first_population(LISTS, self.p)))
@@ -369,8 +370,8 @@ class TestRuns:
         counted, tuning, plain, last = [], set(), population.play, (SMALL["generations"] + 1) * SMALL["episodes"]
         learning = [3, 6] if kind != "end" else []
 
-        def play(domain, programs, episodes, *rest):
-            played = plain(domain, programs, episodes, *rest)
+        def play(domain, programs, episodes, *rest, **more):
+            played = plain(domain, programs, episodes, *rest, **more)
             if episodes.seed == rng.REFINEMENT or (episodes.seed == rng.TRAINING and episodes.first < last):
                 counted.append(int(played.steps.sum()))
             if episodes.seed == rng.REFINEMENT:
@@ -410,8 +411,9 @@ class TestRuns:
         setup = search.restore(RunFolder(tmp_path / "run"), 1)
         fitness = ProgramFitness(setup.domain, setup.parameters, "tables", 1)
         first = loop.first_population(setup.grammar, setup.parameters)
-        refiner = Refiner(setup.grammar, fitness)
-        generations = list(loop.evolve(setup.grammar, setup.parameters, fitness, first, 0, refiner))
+        p = setup.parameters
+        lesson = loop.Lesson(Refiner(setup.grammar, fitness), p.refine, p.refine_every)
+        generations = list(loop.evolve(setup.grammar, p, fitness, first, lessons=[lesson]))
         before = [derive(setup.grammar, codons).phenotype for codons in generations[3].population]
         changed = [i for i, text in enumerate(before) if text != generations[3].phenotypes[i]]
         assert changed

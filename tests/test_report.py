@@ -113,10 +113,17 @@ class TestInputs:
         shutil.copy(report_inputs["rocks.json"], tmp_path / "table.txt")
         assert write(tmp_path, tmp_path / "table.txt").count("table", **{"class": "sortable"}) == 1
 
-    def test_a_file_of_two_domains_is_two_sections(self, report_inputs, tmp_path):
+    def test_a_file_of_two_domains_is_a_section_of_both_and_two(self, report_inputs, tmp_path):
         both = pd.concat([pd.read_csv(report_inputs[name]) for name in ("rocks.csv", "border.csv")])
         both.to_csv(tmp_path / "both.csv", index=False)
-        assert write(tmp_path, tmp_path / "both.csv").count("section") == 2
+        assert write(tmp_path, tmp_path / "both.csv").count("section") == 3
+        page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+        (share,) = harness.coverage(both).set_index("policy").loc[["sarsop"], "share_mean"]
+        assert f"<td>{share:.3f} [" in page
+        pd.concat([both, both.iloc[:1]]).to_csv(tmp_path / "both.csv", index=False)
+        write(tmp_path, tmp_path / "both.csv")
+        page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+        assert "No figures over the domains: rocksample-7x8 has two rows named belief:0.84" in page
 
     @pytest.mark.parametrize(
         ("content", "words"),

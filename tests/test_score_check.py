@@ -318,7 +318,7 @@ def test_update_prints_what_moved_and_keeps_the_rest(scores, capsys, monkeypatch
     old, new = re.search(r"belief:0.95 on rocksample-7x8: ([\d.]+) ± .* → ([\d.]+) ± ", out).groups()
     assert float(new) - float(old) == pytest.approx(1)
     size = float(re.search(r"\(\+([\d.]+) standard errors\)", out).group(1))
-    error = stored.read(scores).stored["rocksample-7x8", "belief:0.95", 50].sem * 2**0.5
+    error = stored.read(scores).stored["rocksample-7x8", "belief:0.95", 50, "sampled"].sem * 2**0.5
     assert size == pytest.approx(1 / error, abs=0.06)
     assert "exit on rocksample-7x8: 10.00 ± 0.00 → 11.00 ± 0.00 (+1 exactly)" in out
     assert "2 moved, 0 as before" in out
@@ -336,7 +336,7 @@ def test_other_limits_need_other_episodes(scores, capsys):
 
 
 def test_the_stored_score_is_that_of_the_planned_episodes(scores):
-    score = stored.read(scores).stored["rocksample-7x8", "belief:0.95", 50]
+    score = stored.read(scores).stored["rocksample-7x8", "belief:0.95", 50, "sampled"]
     result = evaluate("rocksample-7x8", "belief:0.95", episodes=score.reference_episodes, engine="tables").score
     assert score.reference_episodes > score.episodes == 10_000
     assert (score.mean, score.sem, score.steps_mean) == (result.mean, result.sem, result.steps_mean)

@@ -18,6 +18,7 @@ from typing import NoReturn
 
 import harness
 from harness.cli import (
+    benchmark,
     checks,
     evolution,
     literature,
@@ -120,6 +121,7 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
     parser = _Parser(prog="harness", description="Benchmark of evolved, heuristic and solved POMDP policies.")
     parser.add_argument("--version", action="version", version=f"%(prog)s {harness.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=_Parser)
-    for room in (scores, literature, evolution, programs, tuning, reproduction, reporting, checks, models):
+    rooms = (scores, benchmark, literature, evolution, programs, tuning, reproduction, reporting, checks, models)
+    for room in rooms:
         room.register(commands)
     return parser, commands.choices

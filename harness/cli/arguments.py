@@ -12,11 +12,13 @@ _MOST = 2**61 - 1
 """Of every whole number: the greatest seed that meets no episode of training (:mod:`harness.engine.rng`)."""
 
 
-def domain_argument(parser: argparse.ArgumentParser, *, resumable: bool = False, several: bool = False) -> None:
-    """The positional argument DOMAIN, which may be left out where a run can be resumed; or several."""
-    more = "; may be left out with --resume" if resumable else ""
+def domain_argument(
+    parser: argparse.ArgumentParser, *, resumable: bool = False, several: bool = False, all_by_default: bool = False
+) -> None:
+    """The positional argument DOMAIN, which may be left out where a run can be resumed; or several, or none for all."""
+    more = "; may be left out with --resume" if resumable else " (default: all that ship)" if all_by_default else ""
     text = f"a named domain, a snapshot (.npz), a model file (.pomdp, .pomdpx) or a Julia file (.jl){more}"
-    nargs = "?" if resumable else "+" if several else None
+    nargs = "?" if resumable else "*" if all_by_default else "+" if several else None
     argument = parser.add_argument("domain", nargs=nargs, metavar="DOMAIN", help=text)
     argument.completer = _domains  # type: ignore[attr-defined]  # where argcomplete looks
 

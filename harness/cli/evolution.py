@@ -1,4 +1,4 @@
-"""``evolve``: grammatical evolution."""
+"""``evolve``: grammatical evolution; ``grammar``: what it searches."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ def register(commands: Any) -> None:
     """Add the command to the parser."""
     evolve = commands.add_parser("evolve", help="evolve a program by grammatical evolution")
     domain_argument(evolve, resumable=True)
-    evolve.add_argument("--grammar", metavar="FILE", help="a BNF file or a shipped grammar (default: the paper's)")
+    evolve.add_argument(
+        "--grammar", metavar="FILE", help="a BNF file or a shipped grammar (default: as harness grammar)"
+    )
     evolve.add_argument("--out", type=Path, metavar="DIR", help="folder for the run's files, needed for a new run")
     evolve.add_argument("--resume", type=Path, metavar="DIR", help="go on with a run (with --generations: for longer)")
     evolve.add_argument(
@@ -31,6 +33,11 @@ def register(commands: Any) -> None:
         "--parameters", type=Path, metavar="FILE", help="a TOML file of the parameters below; options go before it"
     )
     evolve.add_argument("--allow-code", action="store_true", help="with --resume: load the file that the run is on")
+    evolve.add_argument(
+        "--preset",
+        metavar="WORD",
+        help="parameters to begin with: paper (Table 2, the default) or best; others go before it",
+    )
     group = evolve.add_argument_group("parameters of the run (defaults: the paper's Table 2 where it gives one)")
     for f in fields(Parameters):
         option, help_text = f"--{f.name.replace('_', '-')}", f.metadata["help"]
@@ -42,6 +49,22 @@ def register(commands: Any) -> None:
         metavar = "WORD" if kind is str else "N"
         group.add_argument(option, type=kind, metavar=metavar, help=f"{help_text}{choices}; default {f.default}")
     evolve.set_defaults(run=_evolve)
+
+    grammar = commands.add_parser(
+        "grammar",
+        help="print the grammar of a domain's programs",
+        description="Print the grammar of a domain's programs as BNF, which evolve --grammar FILE takes: the one that "
+        "was written by hand where there is one, else one derived from the domain's actions, readings and features.",
+    )
+    domain_argument(grammar)
+    grammar.add_argument("--feedback", action="store_true", help="with blocks, loops and joined conditions")
+    grammar.set_defaults(run=_grammar)
+
+
+def _grammar(options: argparse.Namespace) -> None:
+    from harness.ge import defaults
+
+    print(defaults.grammar(options.domain, feedback=options.feedback), end="")
 
 
 def _evolve(options: argparse.Namespace) -> None:
@@ -70,6 +93,7 @@ def _evolve(options: argparse.Namespace) -> None:
                 runs=options.runs,
                 out=options.out,
                 engine=options.engine or "tables",
+                preset=options.preset or "paper",
                 **execution,
                 **given,
             )
@@ -87,7 +111,9 @@ def _evolve(options: argparse.Namespace) -> None:
 def _refuse_changes(options: argparse.Namespace, given: dict[str, Any]) -> None:
     changed = [name for name in given if name != "generations"]
     changed += [
-        name for name in ("domain", "grammar", "out", "engine", "parameters") if getattr(options, name) is not None
+        name
+        for name in ("domain", "grammar", "out", "engine", "preset", "parameters")
+        if getattr(options, name) is not None
     ]
     changed += ["runs"] if options.runs != 1 else []
     if changed:
@@ -111,8 +137,36 @@ def _report_one(result: Any, folder: Path) -> None:
     print(
         f"return on fresh episodes         {score.mean:9.2f} ± {score.sem:.2f}   ({score.episodes:,} episodes; {more})"
     )
-    print(f"\n{folder}: history.csv, best.txt, best.json, finalists.csv, improvements.json")
+    _print_front(result.front)
+    _simplified(result, folder)
+    print(f"\n{folder}: history.csv, best.txt, best.json, simplified.txt, acts.csv, front.csv, finalists.csv")
     print(f"score it: harness compare {result.domain} --policy program:{folder / 'best.txt'}")
+
+
+def _print_front(front: Any) -> None:
+    from tabulate import tabulate
+
+    shown = front.assign(file=[f"front-{length}.txt" for length in front["length"]])
+    heads = {"length": "statements", "validation": "earns", "validation_sem": "± s.e.", "file": "file"}
+    print("\nThe best of so many statements or fewer, compared on episodes that no generation has seen:\n")
+    print(tabulate(shown[list(heads)].values.tolist(), headers=list(heads.values()), floatfmt=".2f"))
+
+
+def _simplified(result: Any, folder: Path) -> None:
+    """The winner's twin without what changes nothing, and how often the lines of both act."""
+    from harness.cli.arguments import write
+    from harness.ge import simplifying
+
+    program, p = result.best.program, result.parameters
+    domain = program.words.domain.shaped("none")
+    found = simplifying.simplify(domain, program, seed=p.seed, horizon=p.horizon, progress=True)
+    write(folder / "simplified.txt", found.program.text)
+    acts = simplifying.acts(domain, {"best": program, "simplified": found.program}, seed=p.seed, horizon=p.horizon)
+    write(folder / "acts.csv", acts.to_csv(index=False, lineterminator="\n"))
+    print(
+        f"\nsimplified.txt: {found.program.length} statements for {found.original.length}, return {found.after:.4f} "
+        f"for {found.before:.4f} (judged {found.how})"
+    )
 
 
 def _report_many(result: Any, folder: Path) -> None:

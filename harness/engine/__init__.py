@@ -20,7 +20,8 @@ class Engine(Protocol):
 
     An engine has no randomness of its own: it turns one uniform number an episode and step into a next state and an
     observation. The state is the inverse CDF at u over the next states in index order; what is left of u, its place
-    within that state's share, is uniform again and gives the observation in the same way.
+    within that state's share, is uniform again and gives the observation in the same way; where sensors read unasked,
+    what that leaves gives the label of the first, and so on.
 
     After its end (a terminal state) an episode keeps its last values and is paid 0; nothing is ever reset inside
     :meth:`step`. Ending at the horizon (truncation) is the caller's business.

@@ -17,6 +17,9 @@ up), and the variation of an evolutionary search."""
 TUNER = 1 << 31
 """Stream of the tuning methods' own draws (perturbations, candidates)."""
 
+LOCAL_SEARCH = VARIATION + 1
+"""Stream of the edits that a local search tries in an evolutionary search."""
+
 RESAMPLING = TUNER + 1
 """Stream of the draws behind bootstrap intervals."""
 

@@ -11,12 +11,14 @@ from harness.model.tables import (
     STOP,
     Tables,
     compiled,
+    draw_labels,
     draw_outcome,
     draw_reading,
     draw_start,
     normalize,
     row_of,
     update_belief,
+    update_sensed,
 )
 
 
@@ -143,7 +145,7 @@ def _step(
 ) -> None:
     choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions
     reading_cdf, reading_probability, factor_offset = t.reading_cdf, t.reading_probability, t.factor_offset
-    track = marginals.shape[1] > 0
+    track, sensors = marginals.shape[1] > 0, t.sensors
     for e in range(len(visible)):
         rewards[e] = 0.0
         if done[e] or actions[e] == STOP:
@@ -164,3 +166,9 @@ def _step(
             update_belief(
                 choices, rows, outcomes, reading_probability, va, visible[e], o, marginals, e, start, n, scratch
             )
+        if sensors is not None:
+            va, q = visible[e] * n_actions + actions[e], outcomes[i].reading
+            o = draw_labels(sensors, reading_probability, reading_cdf, q, o, left, va, values, e)
+            observation[e] = o
+            if track:
+                update_sensed(sensors, factor_offset, va, o, marginals, e, scratch)

@@ -13,6 +13,7 @@ from harness import host
 from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.model.indexing import spans, strides
+from harness.model.joining import joined
 from harness.model.tables import STOP
 from harness.policy.fsc import FileController
 
@@ -35,7 +36,7 @@ def endless(domain: Domain, controller: FileController) -> Endless:
     """
     if not domain.discount < 1:
         raise HarnessError(f"{domain.name} has discount {domain.discount}: without a horizon its returns have no bound")
-    chain = _Chain(domain, controller)
+    chain = _Chain(joined(domain), controller)
     known, mass = chain.start()
     frontier, edges, rewards = known, [], np.zeros(0)
     order = np.zeros(0, dtype=np.int64)

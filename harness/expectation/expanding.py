@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from harness.expectation.situations import SEEN
 from harness.model.indexing import spans
-from harness.model.tables import STOP, Records, Tables, compiled, inlined, update_belief
+from harness.model.tables import STOP, Records, Sensors, Tables, compiled, inlined, normalize, update_belief
 
 
 def ways(t: Tables) -> NDArray[np.int64]:
@@ -22,7 +22,8 @@ def ways(t: Tables) -> NDArray[np.int64]:
     can = (t.reading_probability > 0)[t.outcomes["reading"][j]] & ~t.outcomes["ends"][j, None]
     outcome, reading = np.nonzero(can)
     different = np.unique(np.stack([choice[outcome], which[outcome], reading]), axis=1)
-    return np.bincount(different[0], minlength=len(t.choices))
+    combinations = 1 if t.sensors is None else t.sensors.labels.prod(dtype=np.int64)
+    return np.bincount(different[0], minlength=len(t.choices)) * combinations
 
 
 @compiled
@@ -47,7 +48,7 @@ def expand(
     probability, factor_offset = t.reading_probability, t.factor_offset
     words = key.shape[1] - factor_offset[-1]
     marginals, after = key.view(np.float64), children.view(np.float64)
-    posterior = np.zeros(max(1, factor_offset[-1]))
+    posterior, spare = np.zeros(max(1, factor_offset[-1])), np.empty(key.shape[1], dtype=np.int64)
     count = 0
     for e in range(len(key)):
         rewards[e] = ended[e] = 0.0
@@ -80,9 +81,60 @@ def expand(
                             for y in range(n):
                                 weight += posterior[y]
                             weight *= mass[e]
-                        if weight > 0.0:
+                        if weight > 0.0 and t.sensors is None:
                             weights[count], parents[count] = weight, e
                             count += 1
+                        elif weight > 0.0:
+                            there = vp * n_actions + actions[e]
+                            count = _sense(
+                                t.sensors, factor_offset, there, weight, e, children, weights, parents, count, spare,
+                                posterior,
+                            )  # fmt: skip
+    return count
+
+
+@inlined
+def _sense(
+    s: Sensors | None,
+    factor_offset: NDArray[np.int64],
+    there: int,
+    weight: float,
+    e: int,
+    children: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    parents: NDArray[np.int64],
+    count: int,
+    before: NDArray[np.int64],
+    posterior: NDArray[np.float64],
+) -> int:
+    """Put in place of the last situation, of which only the step's own observation is known, one for every combination
+    of the sensors' labels after ``there`` (next visible value and action); how many there are then."""
+    if s is not None:
+        words, after, combinations = children.shape[1] - factor_offset[-1], children.view(np.float64), 1
+        before[:] = children[count]
+        for j in range(len(s.labels)):
+            combinations *= s.labels[j]
+        own = before[words - 1] - 1  # the visible value is a multiple of SEEN
+        seen, own = own // SEEN * SEEN, own % SEEN
+        for c in range(combinations):
+            children[count] = before
+            children[count, words - 1] = seen + own * combinations + c + 1
+            share = weight
+            for j in range(len(s.factor)):
+                row, label = s.row[there, j], c // s.stride[j] % s.labels[j]
+                if row < 0:
+                    share *= 1.0 if label == 0 else 0.0
+                else:
+                    first, total = words + factor_offset[s.factor[j]], 0.0
+                    n = factor_offset[s.factor[j] + 1] - factor_offset[s.factor[j]]
+                    for x in range(n):
+                        posterior[x] = after[count, first + x] * s.probability[row + x, label]
+                        total += posterior[x]
+                    normalize(posterior, n, after, count, first)
+                    share *= total
+            if share > 0.0:
+                weights[count], parents[count] = share, e
+                count += 1
     return count
 
 

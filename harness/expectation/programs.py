@@ -29,12 +29,14 @@ class Expected(NamedTuple):
     """Of P programs."""
 
     returns: NDArray[np.float64]
-    """(P,) expected undiscounted return, of the domain's shaping; NaN for programs with too many situations."""
+    """(P,) expected return, of the domain's shaping; NaN for programs with too many situations."""
     situations: NDArray[np.int64]
     """(P,) expanded over all steps."""
 
 
-def expected(domain: Domain, programs: Sequence[Program], horizon: int, room: int, workers: int = 1) -> Expected:
+def expected(
+    domain: Domain, programs: Sequence[Program], horizon: int, room: int, workers: int = 1, discount: float = 1.0
+) -> Expected:
     """Exact returns of programs.
 
     Args:
@@ -43,6 +45,7 @@ def expected(domain: Domain, programs: Sequence[Program], horizon: int, room: in
         horizon: steps after which an episode is truncated.
         room: a program that needs more situations in a step is given up.
         workers: threads; the numbers do not depend on it.
+        discount: what a reward loses with every step.
     """
     found = Expected(np.full(len(programs), np.nan), np.zeros(len(programs), dtype=np.int64))
     if not programs:
@@ -58,8 +61,8 @@ def expected(domain: Domain, programs: Sequence[Program], horizon: int, room: in
     def run(chunk: slice) -> None:
         _expect(
             domain.tables, key, mass, domain.visible_values, words.register, words.numbers, len(words.checks),
-            factor_of, len(domain.factors), reached, horizon, room, code, (last - lengths)[chunk], last[chunk],
-            loop[chunk], found.returns[chunk], found.situations[chunk],
+            factor_of, len(domain.factors), reached, horizon, room, discount, code,
+            (last - lengths)[chunk], last[chunk], loop[chunk], found.returns[chunk], found.situations[chunk],
         )  # fmt: skip
 
     chunks = [slice(i, i + _CHUNK) for i in range(0, len(programs), _CHUNK)]
@@ -82,6 +85,7 @@ def _expect(
     reached: NDArray[np.int64],
     horizon: int,
     room: int,
+    discount: float,
     code: Records,
     firsts: NDArray[np.int64],
     lasts: NDArray[np.int64],
@@ -97,7 +101,7 @@ def _expect(
         key[:, 0] = 0
         key[:, memory:] = first_key
         mass = first_mass.copy()
-        total, step = 0.0, 0
+        total, weight, step = 0.0, 1.0, 0
         while step < horizon and len(mass) > 0:
             actions = np.empty(len(mass), dtype=np.int32)
             watched = np.zeros((len(mass), n_factors), dtype=np.bool_)
@@ -115,7 +119,8 @@ def _expect(
             after, weights = np.empty((needed, key.shape[1]), dtype=np.int64), np.empty(needed)
             parents, rewards, ended = np.empty(needed, dtype=np.int64), np.empty(len(mass)), np.empty(len(mass))
             count = expand(t, key, mass, actions, after, weights, parents, rewards, ended)
-            total += rewards.sum()
+            total += weight * rewards.sum()
+            weight *= discount
             heirs = watched[parents[:count]]
             n, _ = merge(after[:count], weights[:count], heirs, t.factor_offset)
             key, mass = after[:n], weights[:n]

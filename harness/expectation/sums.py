@@ -96,7 +96,7 @@ class Sums:
         self._prospects = [Prospects(domain, horizon, discount) for discount in (1.0, domain.discount)]
         self._largest = float(np.abs(t.outcomes["reward"]).max(initial=0.0))
         longest = int((t.rows["last"] - t.rows["first"]).max(initial=1)) * max(domain.factor_sizes, default=1)
-        self._each = 8 + 4 * longest
+        self._each = 8 + 4 * longest + sum(8 + 4 * domain.factor_sizes[sensor.factor] for sensor in domain.sensors)
         self._rewards: list[float] = []
         self._active: list[float] = []
         self._ended: list[float] = []

@@ -17,6 +17,7 @@ from harness.formats import limits, naming, outgoing
 from harness.formats.outgoing import Arrows
 from harness.model.domain import Domain
 from harness.model.indexing import spans, strides
+from harness.model.joining import joined
 
 Ints = NDArray[np.int64]
 
@@ -47,6 +48,7 @@ def lines(domain: Domain) -> Iterator[str]:
         HarnessError: the format cannot say it, or there are too many states; say it as POMDPX.
     """
     outgoing.check(domain)
+    domain = joined(domain)
     flat = _flat(domain)
     arrows = _arrows(flat)
     actions = naming.identifiers(domain.actions, "a")

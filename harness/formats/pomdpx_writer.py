@@ -63,6 +63,8 @@ class _Model:
     domain: Domain
     actions: list[str]
     readings: list[str]
+    """Of the steps' own observations; empty where these tell nothing beside what sensors read."""
+    sensors: list[_Variable]
     visible: _Variable | None
     """None where the state is one hidden factor."""
     factors: list[_Variable]
@@ -105,13 +107,25 @@ def _section(name: str, inside: Iterable[str]) -> Iterator[str]:
 
 
 def _model(domain: Domain) -> _Model:
-    names = naming.tokens([_ACTION, _READING, *domain.factors], "f")[2:]
+    count = len(domain.factors)
+    names = naming.tokens([_ACTION, _READING, *domain.factors, *(f"sensor {s.name}" for s in domain.sensors)], "f")[2:]
     factors = [
-        _Variable(name, naming.tokens(values, "s")) for name, values in zip(names, domain.factor_labels, strict=True)
+        _Variable(name, naming.tokens(values, "s"))
+        for name, values in zip(names[:count], domain.factor_labels, strict=True)
+    ]
+    sensors = [
+        _Variable(name, naming.tokens(s.labels, "l")) for name, s in zip(names[count:], domain.sensors, strict=True)
     ]
     visible = None if outgoing.is_flat(domain) else _visible(domain, names)
-    actions, readings = naming.tokens(domain.actions, "a"), naming.tokens(domain.observations, "o")
-    return _Model(domain, actions, readings, visible, factors, _rows(domain))
+    actions = naming.tokens(domain.actions, "a")
+    return _Model(domain, actions, _own_readings(domain), sensors, visible, factors, _rows(domain))
+
+
+def _own_readings(domain: Domain) -> list[str]:
+    if not domain.sensors:
+        return naming.tokens(domain.observations, "o")
+    own = domain.n_observations // domain.n_labels
+    return [f"o{i}" for i in range(own)] if own > 1 else []
 
 
 def _visible(domain: Domain, taken: Sequence[str]) -> _Variable:
@@ -153,7 +167,8 @@ def _variables(m: _Model, rewards: int) -> Iterator[str]:
         names = f"vnamePrev={quoteattr(variable.before)} vnameCurr={quoteattr(variable.after)}"
         yield f'<StateVar {names} fullyObs="{seen}">'
         yield f"<ValueEnum>{escape(' '.join(variable.values))}</ValueEnum></StateVar>"
-    yield f'<ObsVar vname="{_READING}"><ValueEnum>{escape(" ".join(m.readings))}</ValueEnum></ObsVar>'
+    for name, values in [*([(_READING, m.readings)] if m.readings else []), *m.sensors]:
+        yield f"<ObsVar vname={quoteattr(name)}><ValueEnum>{escape(' '.join(values))}</ValueEnum></ObsVar>"
     yield f'<ActionVar vname="{_ACTION}"><ValueEnum>{escape(" ".join(m.actions))}</ValueEnum></ActionVar>'
     yield from (f'<RewardVar vname="reward{i}"/>' for i in range(rewards))
     yield "</Variable>"
@@ -294,6 +309,30 @@ def _given_next(m: _Model, row: _Row, shares: Sequence[float], tied: bool) -> It
 
 
 def _seen(m: _Model) -> Iterator[str]:
+    if m.readings:
+        yield from _own(m)
+    for j, sensor in enumerate(m.sensors):
+        yield from _sensed(m, j, sensor)
+
+
+def _sensed(m: _Model, j: int, sensor: _Variable) -> Iterator[str]:
+    """What a sensor reads; the first label once an episode has ended. Actions stand for themselves where it matters."""
+    t, k = m.domain.arrays, m.domain.sensors[j].factor
+    parents = [_ACTION, *([m.visible.after] if m.visible else []), m.factors[k].after]
+    ended = np.eye(1, len(sensor.values))[0].tolist()
+    entries = [([_ANY] * len(parents) + [_EACH], _words(ended))]
+    rows = t["sensor_row"][:, j].reshape(-1, m.domain.n_actions)
+    for v in np.flatnonzero(~t["terminal"]).tolist():
+        alike = len(set(rows[v].tolist())) == 1
+        for a, row in enumerate(rows[v, : 1 if alike else None].tolist()):
+            here = m.given(_ANY if alike else m.actions[a], m.at(v))
+            for x, value in enumerate(m.factors[k].values):
+                table = t["sensor_probability"][row + x, : len(sensor.values)]
+                entries.append(([*here, value, _EACH], _words(table.tolist())))
+    return _table(sensor.name, parents, entries)
+
+
+def _own(m: _Model) -> Iterator[str]:
     """The most frequent distribution everywhere, then the others where they belong."""
     cases = _reading_cases(m)
     tied = sorted({k for known in cases.values() for k, _ in known if len(set(known.values())) > 1})

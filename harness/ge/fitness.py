@@ -14,10 +14,11 @@ from harness.errors import quoted
 from harness.expectation.forward import exact
 from harness.expectation.programs import expected
 from harness.ge.grammar import Grammar, GrammarError
+from harness.ge.hall import Hall
 from harness.ge.initialisation import GROW, tree
-from harness.ge.loop import Evaluated
+from harness.ge.loop import Evaluated, rows_of
 from harness.ge.mapping import derive
-from harness.ge.parameters import AUTO, SAMPLED, Parameters
+from harness.ge.parameters import AUTO, DISCOUNTED, SAMPLED, Parameters
 from harness.model.domain import Domain
 from harness.play import population
 from harness.play.evaluation import mean_and_sem
@@ -43,6 +44,9 @@ class Judged(NamedTuple):
     """How many of them earn differently, in some episode or in expectation."""
     cost: int
     """Environment steps played and situations expanded."""
+    descriptors: NDArray[np.float64] | None = None
+    """(P, 3) different visible values seen, readings made and steps taken in an episode, each as a share of the most
+    that there can be; None where not all have been played."""
 
     @property
     def sems(self) -> list[float]:
@@ -58,6 +62,10 @@ class ProgramFitness:
         self.domain = domain.shaped(parameters.shaping)
         self.words = words_of(domain)
         self.parameters, self.engine, self.workers = parameters, engine, workers
+        self.hall: Hall | None = None
+        """Sees what every generation has judged."""
+        self.discount = domain.discount if parameters.objective == DISCOUNTED else 1.0
+        """Of the return that counts."""
 
     def __call__(self, phenotypes: Sequence[str], generation: int) -> Evaluated:
         """Fitness on the episodes of a generation; −inf for a program that is nested too deep to be compiled."""
@@ -65,9 +73,18 @@ class ProgramFitness:
         compiled = [self._compiled(text) for text in phenotypes]
         programs = [program for program in compiled if program is not None]
         judged = self.judge(programs, generation * p.episodes, p.episodes)
-        scores = np.full(len(compiled), -np.inf)
-        scores[[program is not None for program in compiled]] = self.penalized(programs, judged.means)
-        return Evaluated(scores, judged.behaviours, judged.cost)
+        if self.hall:
+            self.hall.see(generation, programs, judged.means)
+        known = np.array([program is not None for program in compiled], dtype=np.bool_)
+        at = np.where(known, np.cumsum(known) - 1, -1)
+        returns = np.reshape(judged.returns, (len(programs), p.episodes)) if p.uses_cases else None
+        return Evaluated(
+            rows_of(self.penalized(programs, judged.means), at),
+            judged.behaviours,
+            judged.cost,
+            None if returns is None else rows_of(self.penalized(programs, returns), at),
+            rows_of(judged.descriptors, at),
+        )
 
     def _compiled(self, text: str) -> Program | None:
         try:
@@ -82,24 +99,25 @@ class ProgramFitness:
     def judge(self, programs: Sequence[Program], first: int, count: int) -> Judged:
         """The programs' returns as the run's ``fitness`` has them: exact, or on episodes of the search."""
         if self.parameters.fitness == SAMPLED:
-            return _of_played(self.play(programs, first, count))
+            return self._judged(self.play(programs, first, count))
         return self._exactly(programs, first, count)
 
     def _exactly(self, programs: Sequence[Program], first: int, count: int) -> Judged:
         """Exact returns; with too many situations, what episodes say (``auto``), or the least that is sure."""
         auto, horizon = self.parameters.fitness == AUTO, self.parameters.horizon
-        found = expected(self.domain, programs, horizon, ROOM_OF_AUTO if auto else ROOM, self.workers)
+        found = expected(self.domain, programs, horizon, ROOM_OF_AUTO if auto else ROOM, self.workers, self.discount)
         means, cost = found.returns, int(found.situations.sum())
         returns = [means[i : i + 1] for i in range(len(means))]
         wide = np.flatnonzero(np.isnan(means)).tolist()
         if auto and len(wide):
-            played = _of_played(self.play([programs[i] for i in wide], first, count))
+            played = self._judged(self.play([programs[i] for i in wide], first, count))
             means[wide], cost = played.means, cost + played.cost
             for i, row in zip(wide, played.returns, strict=True):
                 returns[i] = row
         for i in wide if not auto else ():
             bounded = exact(self.domain, ProgramPolicy(programs[i]), horizon=horizon)
-            means[i], cost = bounded.mean.low, cost + bounded.situations
+            objective = bounded.mean if self.discount == 1 else bounded.discounted
+            means[i], cost = objective.low, cost + bounded.situations
         return Judged(means, returns, len(set(means.tolist())), cost)
 
     def play(self, programs: Sequence[Program], first: int, count: int) -> population.Played:
@@ -109,19 +127,21 @@ class ProgramFitness:
 
     def play_on(self, programs: Sequence[Program], episodes: Episodes) -> population.Played:
         """The programs in any episodes, under the shaping of the search."""
-        return population.play(self.domain, programs, episodes, self.engine, self.workers)
+        return population.play(self.domain, programs, episodes, self.engine, self.workers, self.discount)
 
-    def penalized(self, programs: Sequence[Program], means: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean return − penalty·max(0, length − free length) of each program."""
+    def penalized(self, programs: Sequence[Program], returns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns of P programs, (P,) means or (P, E), − penalty·max(0, length − free length) of each program."""
         p = self.parameters
         excess = np.array([max(0, program.length - p.free_length) for program in programs])
-        return means - p.penalty * excess if len(excess) else np.zeros(0)
+        return (returns.T - p.penalty * excess).T if len(excess) else returns
 
-
-def _of_played(played: population.Played) -> Judged:
-    returns = played.returns
-    behaviours = len({row.tobytes() for row in returns})  # np.unique turns Ctrl-C into a TypeError
-    return Judged(returns.mean(axis=1), list(returns), behaviours, int(played.steps.sum()))
+    def _judged(self, played: population.Played) -> Judged:
+        returns = played.returns
+        behaviours = len({row.tobytes() for row in returns})  # np.unique turns Ctrl-C into a TypeError
+        horizon = self.parameters.horizon
+        most = np.array([min(self.domain.n_visible, horizon + 1), horizon, horizon]) * max(1, returns.shape[1])
+        descriptors = np.stack([played.visited, played.readings, played.steps], axis=1) / most
+        return Judged(returns.mean(axis=1), list(returns), behaviours, int(played.steps.sum()), descriptors)
 
 
 def check_language(grammar: Grammar, words: Words) -> None:

@@ -6,7 +6,9 @@
 - ``checkpoint.npz``: the population of a generation that is in the history
 - ``best.txt``: the best program so far; in the end, the winner
 - ``improvements.json``: how it came about (:mod:`harness.ge.improvements`)
+- ``hall.json``: the best of every length that any generation has seen (:mod:`harness.ge.hall`)
 - ``finalists.csv``: in the end, the programs that were compared once more
+- ``front.csv`` and ``front-LENGTH.txt``: in the end, what earns more than all shorter ones (:mod:`harness.ge.front`)
 - ``best.json``: in the end, the winner with its scores and all that it came from
 
 All are written atomically, the history before the checkpoint, which keeps a hash of it. So a run that is killed at any
@@ -30,7 +32,8 @@ import pandas as pd
 
 from harness import files, host
 from harness.errors import HarnessError, SnapshotError
-from harness.ge.improvements import Improvements
+from harness.ge.entries import Entries
+from harness.ge.loop import Past, no_past
 from harness.ge.mapping import Codons
 from harness.model import archive
 
@@ -49,6 +52,7 @@ class State(NamedTuple):
     generation: int
     population: list[Codons]
     rows: list[dict[str, Any]]
+    past: Past
 
 
 class RunFolder:
@@ -57,8 +61,8 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         """``path`` need not exist."""
         self.path = path
-        self.improvements: Improvements | None = None
-        """Of a run under way."""
+        self.entries: list[Entries] = []
+        """Of a run under way: programs that are kept on the way."""
         self._written = 0  # rows of the history on disk
 
     def create(self, config: Mapping[str, Any], grammar: str) -> None:
@@ -107,8 +111,8 @@ class RunFolder:
         if not path.exists():
             return None
         record, arrays = archive.read(path, CHECKPOINT, _MEND)
-        generation, population = record.get("generation"), _population(arrays)
-        if population is None or not isinstance(generation, int) or generation < 0:
+        generation, population, past = record.get("generation"), _population(arrays), _past(arrays)
+        if population is None or past is None or not isinstance(generation, int) or generation < 0:
             raise SnapshotError(f"{path}: holds no population; {_MEND}")
         lines = self._history(f"delete {path}, and the run starts anew").splitlines(keepends=True)[: generation + 2]
         if len(lines) < generation + 2:
@@ -123,7 +127,7 @@ class RunFolder:
             )
         self._written = generation + 1
         rows = [{name: _number(text) for name, text in row.items()} for row in csv.DictReader(lines)]
-        return State(generation, population, rows)
+        return State(generation, population, rows, past)
 
     def _history(self, mend: str) -> str:
         path = self.path / "history.csv"
@@ -138,13 +142,14 @@ class RunFolder:
         if self._written == len(state.rows):
             return
         self._check_there()
-        if self.improvements:
-            self.improvements.save()
+        for entries in self.entries:
+            entries.save(len(state.rows))
         history = _csv(state.rows)
         files.replace_text(self.path / "history.csv", history)
         arrays = {
             "codons": np.concatenate(state.population),
             "lengths": np.array([len(codons) for codons in state.population]),
+            **state.past._asdict(),
         }
         record = {"generation": state.generation, "history": _sha256(history)}
         archive.write(self.path / "checkpoint.npz", CHECKPOINT, record, arrays)
@@ -152,14 +157,17 @@ class RunFolder:
         if best is not None:
             files.replace_text(self.path / "best.txt", best)
 
-    def finish(self, best: Mapping[str, Any], finalists: pd.DataFrame) -> None:
+    def finish(self, best: Mapping[str, Any], finalists: pd.DataFrame, front: pd.DataFrame) -> None:
         """Write the results.
 
         Raises:
             HarnessError: they cannot be written, or the run's folder is no longer there.
         """
         self._check_there()
-        files.replace_text(self.path / "finalists.csv", finalists.to_csv(index=False, lineterminator="\n"))
+        for name, table in (("finalists.csv", finalists), ("front.csv", front)):
+            files.replace_text(self.path / name, table.to_csv(index=False, lineterminator="\n"))
+        for row in front.itertuples():
+            files.replace_text(self.path / f"front-{row.length}.txt", str(row.program))
         files.replace_text(self.path / "best.txt", "\n".join(best["program"]) + "\n")
         files.replace_json(self.path / "best.json", best)
 
@@ -237,6 +245,17 @@ def _population(arrays: archive.Arrays) -> list[Codons] | None:
     if lengths.max() > len(codons) or lengths.sum() != len(codons):
         return None
     return list(np.split(codons, np.cumsum(lengths)[:-1]))
+
+
+def _past(arrays: archive.Arrays) -> Past | None:
+    """What a checkpoint hands on beside its population, None where its arrays cannot hold that."""
+    nothing = no_past(len(arrays.get("lengths", ())))  # of folders of older versions
+    born, seen = arrays.get("born", nothing.born), arrays.get("seen", nothing.seen)
+    if born.dtype != np.int32 or born.shape != nothing.born.shape or born.min(initial=0) < 0:
+        return None
+    if seen.dtype != np.float64 or seen.ndim != 2 or seen.shape[1] != nothing.seen.shape[1]:
+        return None
+    return Past(born, seen) if ((seen >= 0) & (seen <= 1)).all() else None
 
 
 def _csv(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -7,17 +7,18 @@ generation depends on (seed, generation) alone, so that a run can go on from any
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.engine import rng as streams
+from harness.ge import selection, structure
 from harness.ge.grammar import Grammar
 from harness.ge.initialisation import METHODS
 from harness.ge.mapping import Codons, derive
 from harness.ge.operators import CROSSOVERS, MUTATIONS, Parent, tournament
-from harness.ge.parameters import Parameters
+from harness.ge.parameters import NOVELTY, Parameters
 
 
 class Evaluated(NamedTuple):
@@ -29,6 +30,10 @@ class Evaluated(NamedTuple):
     """How many of them behave differently."""
     cost: int
     """What the evaluation cost, such as environment steps."""
+    cases: NDArray[np.float64] | None = None
+    """(phenotypes, E) fitness in each of E cases, whose mean is the fitness; needed where breeding goes by cases."""
+    descriptors: NDArray[np.float64] | None = None
+    """(phenotypes, D) behaviour, every number from 0 to 1; needed where breeding goes by behaviour."""
 
 
 Fitness = Callable[[Sequence[str], int], Evaluated]
@@ -48,6 +53,34 @@ Refine = Callable[[Sequence[Parent], int], tuple[list[Learnt], int]]
 """(valid individuals, generation) -> what each has learnt, and what that cost. A function of its arguments."""
 
 
+class Lesson(NamedTuple):
+    """That the best individuals learn from time to time."""
+
+    learn: Refine
+    best: int
+    """How many phenotypes learn."""
+    every: int
+    """Generations from one time to the next."""
+
+
+Mutate = Callable[[Grammar, Parent, float, int, np.random.Generator], Codons]
+"""(grammar, parent, probability, codon size, generator) -> the codons of a child."""
+
+
+class Past(NamedTuple):
+    """What a generation hands on beside its population: with that and the seed, all that the next ones depend on."""
+
+    born: NDArray[np.int32]
+    """(individuals,) generation of the oldest ancestor of each."""
+    seen: NDArray[np.float64]
+    """(kept, D) behaviours in the archive of novelty search."""
+
+
+def no_past(individuals: int) -> Past:
+    """That of a first population."""
+    return Past(np.zeros(individuals, dtype=np.int32), np.zeros((0, selection.DESCRIPTORS)))
+
+
 class Generation(NamedTuple):
     """A population after its evaluation."""
 
@@ -62,6 +95,12 @@ class Generation(NamedTuple):
     behaviours: int
     cost: int
     """Of all evaluations since the generation before, and of learning."""
+    past: Past
+    """As it was handed to the generation."""
+    cases: NDArray[np.float64] | None = None
+    """(individuals, E) as :attr:`Evaluated.cases`, −inf for invalid ones."""
+    descriptors: NDArray[np.float64] | None = None
+    """(individuals, D) as :attr:`Evaluated.descriptors`, −inf for invalid ones."""
 
     def best(self) -> str | None:
         """Phenotype of the fittest individual; None when all are invalid."""
@@ -91,69 +130,120 @@ def evolve(
     fitness: Fitness,
     population: Sequence[Codons],
     start: int = 0,
-    refine: Refine | None = None,
+    past: Past | None = None,
+    lessons: Sequence[Lesson] = (),
+    mutate: Mutate | None = None,
 ) -> Iterator[Generation]:
-    """Yield every evaluated generation from ``start``, whose population is given, to ``p.generations``.
+    """Yield every evaluated generation from ``start``, whose population and past are given, to ``p.generations``.
 
     In the generational scheme the elites and the children of selected parents replace everybody; elites are
     evaluated anew like the others, so that a lucky fitness does not last. In the steady-state scheme two children at
-    a time replace the two worst, if they are better. With ``refine`` the best ``p.refine`` phenotypes of every
-    ``p.refine_every``-th generation learn before they breed.
+    a time replace the two worst, if they are better. With ``lessons`` the best phenotypes learn before they breed, in
+    this order. ``mutate`` stands in for the mutation that ``p`` names.
     """
-    generation = _evaluate(grammar, p, fitness, population, start)
+    mutate = mutate or MUTATIONS[p.mutation]
+    generation = _evaluate(grammar, p, fitness, population, start, past or no_past(len(population)))
     while True:
-        if refine and p.refine_every and generation.number and generation.number % p.refine_every == 0:
-            generation = _refined(grammar, p, fitness, refine, generation)
+        for lesson in lessons:
+            if generation.number and generation.number % lesson.every == 0:
+                generation = _taught(grammar, p, fitness, lesson, generation)
         yield generation
         if generation.number >= p.generations:
             return
-        cost = 0
+        cost, past = 0, generation.past
         if p.replacement == "steady-state":
-            population, cost = _steady_state(grammar, p, fitness, generation)
+            population, cost = _steady_state(grammar, p, fitness, generation, mutate)
         else:
-            population = next_population(grammar, p, generation)
-        generation = _evaluate(grammar, p, fitness, population, generation.number + 1)
+            population, past = next_population(grammar, p, generation, mutate)
+        generation = _evaluate(grammar, p, fitness, population, generation.number + 1, past)
         generation = generation._replace(cost=generation.cost + cost)
 
 
-def _refined(grammar: Grammar, p: Parameters, fitness: Fitness, refine: Refine, generation: Generation) -> Generation:
+def _taught(grammar: Grammar, p: Parameters, fitness: Fitness, lesson: Lesson, generation: Generation) -> Generation:
     """Let the best learn; they are judged anew by the generation's own episodes, like everybody."""
     known = generation.ranking()
-    best = list(known)[: p.refine]
+    best = list(known)[: lesson.best]
     chosen = [i for i, text in enumerate(generation.phenotypes) if text in best]
-    learnt, cost = refine([generation.individuals[i] for i in chosen], generation.number)
+    learnt, cost = lesson.learn([generation.individuals[i] for i in chosen], generation.number)
     different = [text for text in dict.fromkeys(new.phenotype for new in learnt) if text not in known]
     evaluated = fitness(different, generation.number)
-    by_text = known | dict(zip(different, evaluated.fitness.tolist(), strict=True))
-    individuals, phenotypes, scores = (
-        list(generation.individuals),
-        list(generation.phenotypes),
-        generation.fitness.copy(),
-    )
+    individuals, phenotypes = list(generation.individuals), list(generation.phenotypes)
+    row_of = {text: i for i, text in reversed(list(enumerate(phenotypes)))}
+    row_of |= {text: len(phenotypes) + k for k, text in enumerate(different)}
+    rows = np.arange(len(phenotypes))
     for i, new in zip(chosen, learnt, strict=True):
         individuals[i] = Parent(new.codons, derive(grammar, new.codons, p.max_wraps))
-        phenotypes[i], scores[i] = new.phenotype, by_text[new.phenotype]
+        phenotypes[i], rows[i] = new.phenotype, row_of[new.phenotype]
     return generation._replace(
         individuals=individuals,
         phenotypes=phenotypes,
-        fitness=scores,
+        fitness=np.concatenate([generation.fitness, evaluated.fitness])[rows],
+        cases=_of_both(generation.cases, evaluated.cases, rows),
+        descriptors=_of_both(generation.descriptors, evaluated.descriptors, rows),
         cost=generation.cost + cost + evaluated.cost,
     )
 
 
-def next_population(grammar: Grammar, p: Parameters, generation: Generation) -> list[Codons]:
-    """Elites, and children of parents that won tournaments."""
-    rng = _generator(p, generation.number + 1)
-    order = np.argsort(-generation.fitness, kind="stable")
-    population = [generation.individuals[i].codons for i in order[: p.elites]]
-    parents = tournament(generation.fitness, p.tournament, p.population + p.population % 2, rng)
-    for i, j in parents.reshape(-1, 2):
-        population += _children(grammar, p, generation.individuals[i], generation.individuals[j], rng)
-    return population[: p.population]
+def _of_both(
+    before: NDArray[np.float64] | None, new: NDArray[np.float64] | None, rows: NDArray[np.intp]
+) -> NDArray[np.float64] | None:
+    return None if before is None or new is None else np.concatenate([before, new])[rows]
+
+
+def next_population(
+    grammar: Grammar, p: Parameters, generation: Generation, mutate: Mutate
+) -> tuple[list[Codons], Past]:
+    """Survivors and children of selected parents, group by group; and what they hand on."""
+    rng, number = _generator(p, generation.number + 1), generation.number + 1
+    pools = structure.pools(p, generation.fitness, generation.past.born, number)
+    population: list[Codons] = []
+    born: list[int] = []
+    for places, members in zip(structure.groups(p), pools, strict=True):
+        if len(members):
+            bred = _bred(grammar, p, generation, members, len(places), mutate, rng)
+        else:
+            new = METHODS[p.initialisation](grammar, len(places), p.max_init_depth, p.codon_size, p.tail, rng)
+            bred = [(codons, number) for codons in new]
+        population += [codons for codons, _ in bred]
+        born += [birth for _, birth in bred]
+    seen = generation.past.seen
+    if p.selection == NOVELTY:
+        seen = selection.remembered(_pool(generation), rng)
+    return population, Past(np.array(born, dtype=np.int32), seen)
+
+
+def _pool(generation: Generation) -> selection.Pool:
+    return selection.Pool(generation.fitness, generation.cases, generation.descriptors, generation.past.seen)
+
+
+def _bred(
+    grammar: Grammar,
+    p: Parameters,
+    generation: Generation,
+    members: NDArray[np.intp],
+    room: int,
+    mutate: Mutate,
+    rng: np.random.Generator,
+) -> list[tuple[Codons, int]]:
+    """As many individuals as there is ``room`` for, survivors and children of ``members``; and when the oldest ancestor
+    of each was born."""
+    pool = _pool(generation).only(members)
+    if p.distinct:
+        different = selection.distinct(pool)
+        members, pool = members[different], pool.only(different)
+    kept = selection.survivors(pool, p, room)
+    individuals = [generation.individuals[i] for i in members]
+    born = generation.past.born[members].tolist()
+    bred = [(individuals[i].codons, born[i]) for i in kept]
+    pairs = selection.parents(pool, kept, p, room + room % 2, rng).reshape(-1, 2)
+    for i, j in pairs[: (room - len(kept) + 1) // 2]:
+        children = _children(grammar, p, individuals[i], individuals[j], mutate, rng)
+        bred += [(child, min(born[i], born[j])) for child in children]
+    return bred[:room]
 
 
 def _steady_state(
-    grammar: Grammar, p: Parameters, fitness: Fitness, generation: Generation
+    grammar: Grammar, p: Parameters, fitness: Fitness, generation: Generation, mutate: Mutate
 ) -> tuple[list[Codons], int]:
     """As many children as there are individuals, two at a time, all judged by the generation's episodes; and the cost
     of judging them."""
@@ -162,8 +252,8 @@ def _steady_state(
     cost = 0
     for _ in range(p.population // 2):
         i, j = tournament(scores, p.tournament, 2, rng)
-        children = _children(grammar, p, individuals[i], individuals[j], rng)
-        born = _evaluate(grammar, p, fitness, children, generation.number)
+        children = _children(grammar, p, individuals[i], individuals[j], mutate, rng)
+        born = _evaluate(grammar, p, fitness, children, generation.number, no_past(2))
         cost += born.cost
         worst = np.argsort(scores, kind="stable")[:2]
         for k, child in zip(worst, np.argsort(-born.fitness, kind="stable"), strict=True):
@@ -172,11 +262,12 @@ def _steady_state(
     return [individual.codons for individual in individuals], cost
 
 
-def _children(grammar: Grammar, p: Parameters, a: Parent, b: Parent, rng: np.random.Generator) -> list[Codons]:
+def _children(
+    grammar: Grammar, p: Parameters, a: Parent, b: Parent, mutate: Mutate, rng: np.random.Generator
+) -> list[Codons]:
     pair = a.codons, b.codons
     if rng.random() < p.crossover_probability:
         pair = CROSSOVERS[p.crossover](a, b, rng)
-    mutate = MUTATIONS[p.mutation]
     children = []
     for codons in pair:
         child = codons[: p.max_codons]
@@ -186,16 +277,38 @@ def _children(grammar: Grammar, p: Parameters, a: Parent, b: Parent, rng: np.ran
 
 
 def _evaluate(
-    grammar: Grammar, p: Parameters, fitness: Fitness, population: Sequence[Codons], number: int
+    grammar: Grammar, p: Parameters, fitness: Fitness, population: Sequence[Codons], number: int, past: Past
 ) -> Generation:
     """Map everybody; evaluate each different phenotype once."""
     individuals = [Parent(codons, derive(grammar, codons, p.max_wraps)) for codons in population]
     phenotypes = [individual.derivation.phenotype for individual in individuals]
     different = list(dict.fromkeys(text for text in phenotypes if text is not None))
     evaluated = fitness(different, number)
-    by_text = dict(zip(different, evaluated.fitness.tolist(), strict=True))
-    scores = np.array([-np.inf if text is None else by_text[text] for text in phenotypes])
-    return Generation(number, population, individuals, phenotypes, scores, evaluated.behaviours, evaluated.cost)
+    row_of: dict[str | None, int] = {None: -1} | {text: k for k, text in enumerate(different)}
+    at = np.array([row_of[text] for text in phenotypes])
+    return Generation(
+        number,
+        population,
+        individuals,
+        phenotypes,
+        rows_of(evaluated.fitness, at),
+        evaluated.behaviours,
+        evaluated.cost,
+        past,
+        rows_of(evaluated.cases, at),
+        rows_of(evaluated.descriptors, at),
+    )
+
+
+@overload
+def rows_of(values: NDArray[np.float64], at: NDArray[np.intp]) -> NDArray[np.float64]: ...
+@overload
+def rows_of(values: NDArray[np.float64] | None, at: NDArray[np.intp]) -> NDArray[np.float64] | None: ...
+def rows_of(values: NDArray[np.float64] | None, at: NDArray[np.intp]) -> NDArray[np.float64] | None:
+    """Rows of ``values``, −inf where the number of the row is −1; None where there are no values."""
+    if values is None:
+        return None
+    return np.concatenate([values, np.full((1, *values.shape[1:]), -np.inf)])[at]
 
 
 def _generator(p: Parameters, generation: int) -> np.random.Generator:

@@ -93,7 +93,7 @@ def subtree_mutation(
     """With a probability, replace a subtree by a new one from the same non-terminal, grown a little deeper at most."""
     if not a.has_tree or rng.random() >= probability:
         return a.codons
-    return _replace(grammar, a, codon_size, rng)
+    return replaced(grammar, a, codon_size, rng)
 
 
 def structural(grammar: Grammar, a: Parent, probability: float, codon_size: int, rng: np.random.Generator) -> Codons:
@@ -104,18 +104,19 @@ def structural(grammar: Grammar, a: Parent, probability: float, codon_size: int,
     What stands before and after keeps its meaning, unlike when a codon is changed.
     """
     while a.has_tree and rng.random() < probability:
-        edit = (_replace, _grow_list, _shrink_list)[rng.integers(3)]
+        edit = (replaced, _grow_list, _shrink_list)[rng.integers(3)]
         codons = edit(grammar, a, codon_size, rng)
         a = Parent(codons, derive(grammar, codons))
     return a.codons
 
 
-def _replace(grammar: Grammar, a: Parent, codon_size: int, rng: np.random.Generator) -> Codons:
+def replaced(grammar: Grammar, a: Parent, codon_size: int, rng: np.random.Generator) -> Codons:
+    """A random subtree is replaced by a small new one."""
     nodes = _with_codons(a)
     if not len(nodes):
         return a.codons
     rule, i, j = nodes[rng.integers(len(nodes))]
-    return np.concatenate([a.codons[:i], _new(grammar, int(rule), codon_size, rng), a.codons[j:]])
+    return np.concatenate([a.codons[:i], fresh(grammar, int(rule), codon_size, rng), a.codons[j:]])
 
 
 def _grow_list(grammar: Grammar, a: Parent, codon_size: int, rng: np.random.Generator) -> Codons:
@@ -134,7 +135,7 @@ def _grow_list(grammar: Grammar, a: Parent, codon_size: int, rng: np.random.Gene
             parts.append(a.codons[i:j])
             old = False
         elif symbol >= 0:
-            parts.append(_new(grammar, symbol, codon_size, rng))
+            parts.append(fresh(grammar, symbol, codon_size, rng))
     return np.concatenate([a.codons[:i], *parts, a.codons[j:]])
 
 
@@ -152,8 +153,8 @@ def _shrink_list(grammar: Grammar, a: Parent, codon_size: int, rng: np.random.Ge
     return a.codons
 
 
-def _new(grammar: Grammar, rule: int, codon_size: int, rng: np.random.Generator) -> Codons:
-    """A small new subtree."""
+def fresh(grammar: Grammar, rule: int, codon_size: int, rng: np.random.Generator) -> Codons:
+    """Codons of a small new subtree of a rule."""
     depths = grammar.arrays.depth[grammar.arrays.rule_first[rule] : grammar.arrays.rule_first[rule + 1]]
     return tree(grammar, rule, int(depths.min()) + int(rng.integers(_MUTATION_ROOM + 1)), GROW, codon_size, rng)
 

@@ -10,9 +10,13 @@ from harness.errors import HarnessError, nearest, quoted
 # The words alone: the command line's parser needs them, and not the compiled code that they stand for.
 INITIALISATIONS = ("ramped", "pi-grow", "uniform")
 CROSSOVERS = ("one-point", "fixed-one-point", "subtree")
-MUTATIONS = ("per-codon", "per-genome", "subtree", "structural")
-REPLACEMENTS = ("generational", "steady-state")
+MUTATIONS = ("per-codon", "per-genome", "subtree", "structural", "edits")
+EDITS = "edits"
+TOURNAMENT, LEXICASE, NOVELTY, MAP_ELITES = SELECTIONS = ("tournament", "lexicase", "novelty", "map-elites")
+GENERATIONAL, _ = REPLACEMENTS = ("generational", "steady-state")
 SAMPLED, EXACT, AUTO = FITNESSES = ("sampled", "exact", "auto")
+RETURN, DISCOUNTED = OBJECTIVES = ("return", "discounted")
+NOWHERE, ANYWHERE, PAYING = WALKS = ("nowhere", "anywhere", "paying")
 LINES, AUTODIFF = TUNERS = ("lines", "autodiff")
 LAMARCKIAN, BALDWINIAN = INHERITANCES = ("lamarckian", "baldwinian")
 
@@ -40,6 +44,7 @@ class Parameters:
     fitness: str = _parameter(
         SAMPLED, "return that selects: mean of the episodes, expected, or expected where that is quick", FITNESSES
     )
+    objective: str = _parameter(RETURN, "what is to be high: the return, or that at the domain's discount", OBJECTIVES)
     seed: int = _parameter(0, "of everything random in the run", least=0, most=2**31 - 1)
     shaping: str = _parameter("none", "reward shaping during the search: none, or of BorderCross paper, potential")
     loop: bool = _parameter(False, "programs start again at the top until the episode ends")
@@ -54,12 +59,26 @@ class Parameters:
     )
     max_codons: int = _parameter(2000, "longer genotypes are cut", least=1)
     tournament: int = _parameter(2, "individuals in a selection tournament", least=1)
+    selection: str = _parameter(TOURNAMENT, "of parents", SELECTIONS)
+    cases: float = _parameter(
+        1.0, "share of a generation's episodes that lexicase selection goes by, drawn anew each time", least=0, most=1
+    )
+    distinct: bool = _parameter(False, "of individuals that earn the same in every episode, only one breeds")
+    islands: int = _parameter(1, "groups that breed apart; their best migrate to the next", least=1)
+    layers: int = _parameter(1, "groups by age, the youngest of which begins anew (ALPS)", least=1)
+    epoch: int = _parameter(10, "generations from one migration, or one new youngest layer, to the next", least=1)
     elites: int = _parameter(1, "best individuals that pass on unchanged", least=0)
     crossover: str = _parameter("one-point", "of two parents", CROSSOVERS)
     crossover_probability: float = _parameter(0.75, "that two parents are crossed", least=0, most=1)
     mutation: str = _parameter("per-codon", "of a child", MUTATIONS)
     mutation_probability: float = _parameter(0.01, "of each codon, or of a child", least=0, most=1)
+    walks: str = _parameter(
+        NOWHERE, "where edits put in a stop, with ways to it and on from it: where actions pay, or anywhere", WALKS
+    )
     replacement: str = _parameter("generational", "how children enter the population", REPLACEMENTS)
+    local_search: int = _parameter(0, "best programs that climb by edits of statements (0: none)", least=0)
+    local_search_every: int = _parameter(5, "generations from one climb to the next", least=1)
+    local_search_evaluations: int = _parameter(250, "programs tried in a climb", least=1)
     refine: int = _parameter(0, "best programs whose constants are tuned at the end (0: none)", least=0)
     refine_every: int = _parameter(0, "generations from one tuning of the best ones' constants to the next", least=0)
     inheritance: str = _parameter(
@@ -82,10 +101,38 @@ class Parameters:
             _check(f.name, getattr(self, f.name), f.default, f.metadata)
         if self.elites >= self.population:
             raise HarnessError(f"elites must be fewer than the population of {self.population}, not {self.elites}")
+        self._check_structure()
         if self.refine_every and not self.refine:
             raise HarnessError("refine_every needs refine, the number of programs whose constants are tuned")
+        if self.walks != NOWHERE and self.mutation != EDITS and not self.local_search:
+            raise HarnessError("walks are taken by edits: they need mutation edits, or local_search")
         for name in ("episodes", "max_codons", "tournament"):
             _check_together(self.population, name, getattr(self, name))
+
+    @property
+    def uses_cases(self) -> bool:
+        """Whether breeding needs the fitness in each episode."""
+        return self.fitness == SAMPLED and (self.selection == LEXICASE or self.distinct)
+
+    def _check_structure(self) -> None:
+        if self.selection != TOURNAMENT and self.fitness != SAMPLED:
+            raise HarnessError(
+                f"selection {self.selection} goes by single episodes, which fitness {self.fitness} does not play; "
+                f"take fitness {SAMPLED}, or selection {TOURNAMENT}"
+            )
+        groups = max(self.islands, self.layers)
+        if self.replacement != GENERATIONAL and (self.selection != TOURNAMENT or self.distinct or groups > 1):
+            raise HarnessError(
+                f"replacement {self.replacement} knows {TOURNAMENT} selection in one population only; "
+                f"take replacement {GENERATIONAL}"
+            )
+        if min(self.islands, self.layers) > 1:
+            raise HarnessError("a population has islands or layers, not both")
+        if groups > 1 and self.population // groups <= max(self.elites, 1):
+            raise HarnessError(
+                f"{groups} groups of a population of {self.population} are too small for {self.elites} elites each; "
+                "take fewer islands or layers, or a larger population"
+            )
 
 
 def from_record(record: dict[str, Any]) -> Parameters:

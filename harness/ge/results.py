@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from harness import cards
+from harness.errors import HarnessError, quoted
 from harness.ge.parameters import Parameters
 from harness.play.evaluation import Score
 from harness.policy.program import ProgramPolicy
-from harness.program import Program
+from harness.program import Program, parse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +56,20 @@ class Evolution:
     """One row a generation, columns :data:`COLUMNS`."""
     finalists: pd.DataFrame
     """The programs compared at the end: fitness, validation and its standard error, length, program."""
+    front: pd.DataFrame
+    """Of these and of the hall of fame, those that earn more than all shorter ones (:mod:`harness.ge.front`)."""
     best: Best
+
+    def pick(self, index: int) -> ProgramPolicy:
+        """The program of a row of :attr:`front` as a policy.
+
+        Raises:
+            HarnessError: there is no such row.
+        """
+        if not 0 <= index < len(self.front):
+            raise HarnessError(f"the front has programs 0 to {len(self.front) - 1}, and no {quoted(index)}")
+        words, text = self.best.program.words, str(self.front["program"][index])
+        return ProgramPolicy(parse(text, words, loop=self.parameters.loop))
 
     def plot(self, axes: Axes | None = None) -> Figure:
         """Learning curve: what selection saw of the best, and its score on fresh episodes with the 95 % interval.

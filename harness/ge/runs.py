@@ -11,7 +11,7 @@ from typing import Any
 
 from harness import files, host, locking
 from harness.errors import HarnessError, check_whole
-from harness.ge import slices
+from harness.ge import presets, slices
 from harness.ge.folder import PREFIX, Plan, RunFolder, check_new
 from harness.ge.parameters import Parameters, from_record
 from harness.ge.results import Evolution, Evolutions
@@ -30,6 +30,7 @@ def evolve(
     domain: Domain | str,
     grammar: str | Path | None = None,
     *,
+    preset: str = "paper",
     runs: int = 1,
     out: str | Path | None = None,
     engine: str = "tables",
@@ -42,6 +43,8 @@ def evolve(
     Args:
         domain: a domain or its name.
         grammar: a BNF file or the name of a shipped grammar; by default the paper's for the domain.
+        preset: parameters to begin with (:data:`harness.ge.presets.PRESETS`): ``paper`` or ``best``; those given go
+            before it.
         runs: how many independent runs, with the seeds ``seed``, ``seed`` + 1, …
         out: folder for the run's files (:mod:`harness.ge.folder`); many runs get one folder each in it. Without it
             nothing is kept on disk.
@@ -63,7 +66,7 @@ def evolve(
     """
     _check_runs(runs, workers)
     name = domain if isinstance(domain, str) else domain.name
-    setup = prepare(domain, grammar, engine, 1, parameters)
+    setup = prepare(domain, grammar, engine, 1, {**presets.preset(preset), **parameters})
     if runs == 1:
         folder = RunFolder(Path(out)) if out is not None else None
         if folder:

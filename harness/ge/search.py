@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,11 +18,15 @@ from harness.errors import HarnessError
 from harness.ge import grammar as bnf
 from harness.ge import loop, parameter_file
 from harness.ge.defaults import grammar_for
+from harness.ge.edits import Editor
 from harness.ge.fitness import ProgramFitness, check_language
 from harness.ge.folder import RunFolder, State, provenance
+from harness.ge.front import front
 from harness.ge.grammar import Grammar
+from harness.ge.hall import Hall
 from harness.ge.improvements import Improvements
-from harness.ge.parameters import LAMARCKIAN, Parameters, from_record
+from harness.ge.local_search import LocalSearch
+from harness.ge.parameters import EDITS, LAMARCKIAN, Parameters, from_record
 from harness.ge.results import Best, Evolution
 from harness.model.domain import Domain
 from harness.play import population
@@ -92,8 +96,12 @@ def _check_memory(domain: Domain, p: Parameters) -> None:
         host.check_memory(*population.memory(domain, programs, episodes, p.horizon))
     codons = p.population * p.max_codons
     host.check_memory(f"a population of {p.population:,} with {p.max_codons:,} codons each", codons * _CODON)
+    if p.uses_cases:
+        numbers = p.population * p.episodes
+        host.check_memory(f"the fitness of {p.population:,} in {p.episodes:,} cases each", numbers * _CASE)
 
 
+_CASE = 48  # bytes, with the copies of it that breeding takes
 _CODON = 16  # bytes, with its part of the derivation
 
 
@@ -138,6 +146,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         raise HarnessError(f"the checkpoint in {folder.path} is of another run; start anew in another folder")
     rows = list(state.rows) if state else []
     start, first = (state.generation, state.population) if state else (0, loop.first_population(setup.grammar, p))
+    past = state.past if state else None
     for row in rows:
         watch(row)
     saved = begun = time.monotonic()
@@ -145,15 +154,19 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
     rivals: list[str] = []
     if folder:
         files.replace_text(folder.path / parameter_file.NAME, parameter_file.text(p, setup.domain.name))
-        folder.improvements = Improvements(folder.path, rows)
+    hall = fitness.hall = Hall(folder.path if folder else None, len(rows))
+    improvements = Improvements(folder.path if folder else None, rows)
+    if folder:
+        folder.entries = [improvements, hall]
     try:
-        for generation in loop.evolve(setup.grammar, p, fitness, first, start, _refiner(setup, fitness)):
+        for generation in loop.evolve(setup.grammar, p, fitness, first, start, past, *_variation(setup, fitness)):
             if generation.number == p.generations:
                 generation, rivals = _with_rivals(p, fitness, generation)
             if generation.number == len(rows):  # a checkpoint's own generation has its row
                 now = time.monotonic()
                 rows.append(_row(setup, fitness, generation, now - begun))
-                _see(folder, fitness, generation, rows[-1])
+                if (best := generation.best()) is not None:
+                    improvements.see(rows[-1], fitness.compile(best))
                 last, begun = generation, now
                 watch(rows[-1])
             last = generation
@@ -164,21 +177,20 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         if folder and last:
             _save(folder, fitness, last, rows[: last.number + 1])
     assert last is not None
-    return _finish(setup, fitness, last, rivals, pd.DataFrame(rows), folder)
+    return _finish(setup, fitness, last, (rivals, hall.programs()), pd.DataFrame(rows), folder)
 
 
-def _see(folder: RunFolder | None, fitness: ProgramFitness, generation: loop.Generation, row: dict[str, Any]) -> None:
-    best = generation.best()
-    if folder and folder.improvements and best is not None:
-        folder.improvements.see(row, fitness.compile(best))
+def _variation(setup: Setup, fitness: ProgramFitness) -> tuple[list[loop.Lesson], loop.Mutate | None]:
+    """What the best learn, and the mutation where it is by edits."""
+    p, lessons = setup.parameters, []
+    editor = Editor(setup.grammar, fitness.domain, p) if p.local_search or p.mutation == EDITS else None
+    if editor and p.local_search:
+        lessons.append(loop.Lesson(LocalSearch(editor, fitness, p), p.local_search, p.local_search_every))
+    if p.refine_every:
+        from harness.ge.refinement import Refiner  # here: it brings in all of the tuning
 
-
-def _refiner(setup: Setup, fitness: ProgramFitness) -> loop.Refine | None:
-    if not setup.parameters.refine_every:
-        return None
-    from harness.ge.refinement import Refiner  # here: it brings in all of the tuning
-
-    return Refiner(setup.grammar, fitness)
+        lessons.append(loop.Lesson(Refiner(setup.grammar, fitness), p.refine, p.refine_every))
+    return lessons, editor.mutate if editor and p.mutation == EDITS else None
 
 
 def _with_rivals(p: Parameters, fitness: ProgramFitness, last: loop.Generation) -> tuple[loop.Generation, list[str]]:
@@ -201,7 +213,7 @@ def _different(fitness: ProgramFitness, last: loop.Generation) -> dict[str, floa
 
 def _save(folder: RunFolder, fitness: ProgramFitness, generation: loop.Generation, rows: list[dict[str, Any]]) -> None:
     best = generation.best()
-    state = State(generation.number, list(generation.population), rows)
+    state = State(generation.number, list(generation.population), rows, generation.past)
     folder.save(state, None if best is None else fitness.compile(best).text)
 
 
@@ -236,7 +248,8 @@ def _test(setup: Setup, fitness: ProgramFitness, best: str) -> tuple[float, floa
     """True mean return of a program on fresh episodes, its standard error, and the program's length."""
     p, program = setup.parameters, fitness.compile(best)
     episodes = population.Episodes(rng.HELD_OUT + p.seed, 0, p.test_episodes, p.horizon)
-    returns = population.play(setup.domain.shaped("none"), [program], episodes, setup.engine).returns[0]
+    domain = setup.domain.shaped("none")
+    returns = population.play(domain, [program], episodes, setup.engine, discount=fitness.discount).returns[0]
     return *mean_and_sem(returns), program.length
 
 
@@ -244,30 +257,22 @@ def _finish(
     setup: Setup,
     fitness: ProgramFitness,
     last: loop.Generation,
-    rivals: list[str],
+    kept: tuple[list[str], list[str]],
     history: pd.DataFrame,
     folder: RunFolder | None,
 ) -> Evolution:
     """Compare the best programs of the last generation, and their rivals with tuned constants, on new episodes; score
-    the winner on fresh ones."""
+    the winner on fresh ones. Those of the hall of fame are compared with them for the front alone: ``kept`` are rivals
+    and hall."""
     p = setup.parameters
     by_text = _different(fitness, last)
     if not by_text:
         raise HarnessError("no individual of the last generation is valid; allow wraps, or more codons")
+    rivals, hall = kept
     texts = list(dict.fromkeys([*list(by_text)[: p.finalists], *rivals]))
-    programs = [fitness.compile(text) for text in texts]
-    judged = fitness.judge(programs, (p.generations + 1) * p.episodes, p.validation_episodes)
-    validation = fitness.penalized(programs, judged.means)
-    finalists = pd.DataFrame(
-        {
-            "fitness": [by_text.get(text, np.nan) for text in texts],
-            "validation": validation,
-            "validation_sem": judged.sems,
-            "length": [program.length for program in programs],
-            "program": texts,
-        }
-    ).sort_values("validation", ascending=False, kind="stable", ignore_index=True)
-    winner = programs[int(validation.argmax())]
+    finalists = _compared(fitness, texts, by_text)
+    compared = pd.concat([finalists, _compared(fitness, [text for text in hall if text not in texts], by_text)])
+    winner = fitness.compile(str(finalists["program"][0]))
     result = evaluate(
         setup.domain.shaped("none"),
         ProgramPolicy(winner),
@@ -277,10 +282,25 @@ def _finish(
         engine=setup.engine,
         workers=setup.workers,
     )
-    best = Best(winner, by_text.get(winner.text, math.nan), float(validation.max()), result.score)
+    best = Best(winner, by_text.get(winner.text, math.nan), float(finalists["validation"][0]), result.score)
+    found = Evolution(setup.domain.name, p, history, finalists, front(compared), best)
     if folder:
-        folder.finish(_record(setup, best), finalists)
-    return Evolution(setup.domain.name, p, history, finalists, best)
+        folder.finish(_record(setup, best), finalists, found.front)
+    return found
+
+
+def _compared(fitness: ProgramFitness, texts: Sequence[str], by_text: Mapping[str, float]) -> pd.DataFrame:
+    """Programs judged on episodes that no generation has seen, the best first."""
+    p, programs = fitness.parameters, [fitness.compile(text) for text in texts]
+    judged = fitness.judge(programs, (p.generations + 1) * p.episodes, p.validation_episodes)
+    rows = {
+        "fitness": [by_text.get(text, np.nan) for text in texts],
+        "validation": fitness.penalized(programs, judged.means),
+        "validation_sem": judged.sems,
+        "length": [program.length for program in programs],
+        "program": list(texts),
+    }
+    return pd.DataFrame(rows).sort_values("validation", ascending=False, kind="stable", ignore_index=True)
 
 
 def _record(setup: Setup, best: Best) -> dict[str, Any]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from harness import cards, host, registry
@@ -25,7 +26,7 @@ from harness.policy.program import ProgramPolicy
 from harness.program import Program, ProgramError, parse, shorter, words_of
 from harness.progress import Bar, Progress
 
-EPISODES = 100_000
+EPISODES = 20_000
 """On which a program is judged whose exact return takes too many situations."""
 _ACTING = 1_000  # episodes that tell how often lines act
 _ROUNDING = 1e-9
@@ -71,14 +72,14 @@ def simplify(
 ) -> Simplified:
     """Take out of a program whatever it earns no less without: statements, ``else`` parts and conditions.
 
-    One piece at a time, from the last line to the first, until none can go; then two statements at a time, as of moves
-    one of which undoes the other. What is left is compared with the original, never with what it was a piece ago, so
-    that small losses do not add up.
+    One piece at a time, from the last line to the first, until none can go; then, where returns are exact, two
+    statements at a time, as of moves one of which undoes the other. What is left is compared with the original, never
+    with what it was a piece ago, so that small losses do not add up.
 
     Args:
         domain: a domain or its name; its shaping is what is paid.
         program: a program, its text (of several lines), or a policy string such as ``ge`` or ``program:FILE``.
-        episodes: judge on so many episodes, the same throughout. By default the expected return is computed, or 100,000
+        episodes: judge on so many episodes, the same throughout. By default the expected return is computed, or 20,000
             episodes are played where that takes more than 100,000 situations a step.
         seed: of the episodes, which are those kept for searches.
         horizon: steps after which an episode is truncated.
@@ -99,7 +100,7 @@ def simplify(
         before = judge([original])[0]
     floor = before - _ROUNDING * max(1.0, abs(before))
     with Bar(progress, None, desc="simplifying", unit="piece") as bar:
-        left = _least(original, _Search(judge, floor, bar))
+        left = _least(original, _Search(judge, floor, bar), exact=not judge.episodes)
     return Simplified(original, left, float(before), float(judge([left])[0]), judge.episodes)
 
 
@@ -151,14 +152,14 @@ def program_of(domain: Domain, given: Program | ProgramPolicy | str) -> Program:
     return found
 
 
-def _least(program: Program, first: _Search) -> Program:
+def _least(program: Program, first: _Search, exact: bool) -> Program:
     """The program without all that can go one after the other."""
     while True:
         at = program.text.count("\n") - 1
         while at >= 0:
             program = first(_without(program, at)) or program
             at = min(at, program.text.count("\n")) - 1
-        found = first(_singles(program)) or first(_pairs(program))
+        found = first(_singles(program)) or (first(_pairs(program)) if exact else None)
         if found is None:
             return program
         program = found
@@ -201,3 +202,12 @@ def acting(domain: Domain, program: Program, *, seed: int = 0, horizon: int = HO
             acts = (follow.act(step.batch) != STOP) & ~step.batch.done
             np.add.at(counts, program.line_of[follow.at[acts]], 1)
     return counts / _ACTING
+
+
+def acts(domain: Domain, programs: Mapping[str, Program], *, seed: int = 0, horizon: int = HORIZON) -> pd.DataFrame:
+    """How often the lines of several programs act: one row a line, columns ``program``, ``line`` (text), ``acts``."""
+    tables = []
+    for name, program in programs.items():
+        often = acting(domain, program, seed=seed, horizon=horizon)
+        tables.append(pd.DataFrame({"program": name, "line": program.text.splitlines(), "acts": often}))
+    return pd.concat(tables, ignore_index=True)

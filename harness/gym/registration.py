@@ -8,13 +8,21 @@ from harness import registry
 from harness.model.domain import Domain
 
 NAMESPACE = "pomdp_harness"
-_SPELLINGS = {"rocksample": "RockSample", "bordercross": "BorderCross"}
+_SPELLINGS = {
+    "fieldvision-rocksample": "FieldVisionRockSample",
+    "rocksample": "RockSample",
+    "bordercross": "BorderCross",
+    "heaven-hell": "HeavenHell",
+    "tiger-grid": "TigerGrid",
+}
 
 
 def environment_id(domain: Domain) -> str:
     """The id of a domain of the registry: ``pomdp_harness/RockSample-7x8-v1``; the version is the domain's."""
-    word, _, rest = domain.name.partition("-")
-    name = "-".join(part for part in (_SPELLINGS.get(word, word.capitalize()), rest) if part)
+    spelled = (
+        name + domain.name.removeprefix(word) for word, name in _SPELLINGS.items() if domain.name.startswith(word)
+    )
+    name = next(spelled, domain.name.capitalize()).replace("@", "-")  # which Gymnasium does not take
     return f"{NAMESPACE}/{name}-v{domain.version}"
 
 

@@ -26,7 +26,7 @@ from harness.errors import SnapshotError, quoted
 
 FORMAT = 1
 LARGEST = 2**30
-"""Bytes that the arrays of a file may take together, 1 GiB; the largest file of the package takes 35 MB."""
+"""Bytes that the arrays of a file may take together, 1 GiB; the largest file of the package takes 59 MB."""
 _MOST_ARRAYS = 100
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)

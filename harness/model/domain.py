@@ -7,11 +7,12 @@ Julia or of plain arrays; either way it holds the same arrays, and no line of Py
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from harness import cards
 from harness.errors import HarnessError, SnapshotError, nearest, quoted
 from harness.model import archive, validation
+from harness.model.indexing import strides
 from harness.model.tables import Tables, from_arrays
 
 KIND = "domain"
@@ -47,6 +49,23 @@ ARRAYS: dict[str, Any] = {  # what Julia exports, and the types that the compile
     "prior_observation": np.int32,
     "visible_values": np.int16,
 }
+SENSOR_ARRAYS: dict[str, Any] = {"sensor_row": np.int32, "sensor_probability": np.float64, "sensor_cdf": np.float64}
+"""What is there besides where something is read unasked."""
+
+
+class Sensor(NamedTuple):
+    """Something that reads one hidden factor after every step, whatever the action was."""
+
+    name: str
+    """As programs spell it: ``3`` in ``3 == "good"``."""
+    factor: int
+    labels: tuple[str, ...]
+    """Names of what it may read, in index order."""
+
+
+def types(sensors: Sequence[Any]) -> dict[str, Any]:
+    """The arrays of a domain with these sensors, and their types."""
+    return ARRAYS | (SENSOR_ARRAYS if sensors else {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +86,7 @@ class Domain:
     actions: tuple[str, ...]
     """Action names as programs spell them, in index order."""
     observations: tuple[str, ...]
+    """Names of what may be observed after a step; where there are sensors, of all combinations with their labels."""
     visible_names: tuple[str, ...]
     """Names of the numbers in a row of :attr:`visible_values`."""
     factors: tuple[str, ...]
@@ -85,6 +105,8 @@ class Domain:
     """Which reward is in use."""
     live: Any = field(default=None, repr=False)
     """The Julia model, for a domain made from live Julia; None for a named instance."""
+    sensors: tuple[Sensor, ...] = ()
+    """What is read unasked after every step; none in most domains."""
 
     def __eq__(self, other: object) -> bool:
         """Whether it is the same model under the same name, version and shaping, read from wherever."""
@@ -127,6 +149,16 @@ class Domain:
         return len(self.observations)
 
     @property
+    def n_labels(self) -> int:
+        """Combinations of the sensors' labels; 1 where there are none."""
+        return math.prod(len(sensor.labels) for sensor in self.sensors)
+
+    def labels_of(self, observations: NDArray[Any]) -> NDArray[np.int64]:
+        """(…, J) index of each sensor's label in observations (…)."""
+        sizes = [len(sensor.labels) for sensor in self.sensors]
+        return observations[..., None] // strides(sizes) % np.array(sizes, dtype=np.int64)
+
+    @property
     def n_visible(self) -> int:
         """Number V of visible values, terminal ones included."""
         return len(self.visible_values)
@@ -144,10 +176,7 @@ class Domain:
     @property
     def n_joint(self) -> int:
         """Number H of joint values of the hidden factors (256 for eight rocks)."""
-        total = 1
-        for size in self.factor_sizes:
-            total *= size
-        return total
+        return math.prod(self.factor_sizes)
 
     @property
     def visible_values(self) -> NDArray[np.int16]:
@@ -172,7 +201,9 @@ class Domain:
     @cached_property
     def tables(self) -> Tables:
         """The arrays in the form that compiled code takes, with the reward of :attr:`shaping`."""
-        return from_arrays(self.arrays, self.n_actions, self.factor_offset, self.shapings.index(self.shaping))
+        sensors = [(sensor.factor, len(sensor.labels)) for sensor in self.sensors]
+        shaping = self.shapings.index(self.shaping)
+        return from_arrays(self.arrays, self.n_actions, self.factor_offset, shaping, sensors)
 
     @cached_property
     def legality(self) -> NDArray[np.int8]:
@@ -188,7 +219,7 @@ class Domain:
     def model_hash(self) -> str:
         """SHA-256 of all that decides the domain's behaviour; policies record the one they were solved for."""
         record = [self.discount, self.actions, self.observations, self.factor_labels, self.features, self.shapings]
-        return archive.digest(self.arrays, record)
+        return archive.digest(self.arrays, [*record, self.sensors] if self.sensors else record)
 
     def action(self, name: str) -> int:
         """Index of the action called ``name``.
@@ -237,6 +268,7 @@ class Domain:
 
 def from_export(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], live: Any = None) -> Domain:
     """A domain from what the Julia package exports: names and provenance, and the arrays of ``julia/src/tables.jl``."""
+    sensors = tuple(Sensor(str(name), int(k), tuple(labels)) for name, k, labels in record.get("sensors", ()))
     return Domain(
         name=record["name"],
         version=int(record["version"]),
@@ -252,8 +284,9 @@ def from_export(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], l
         shapings=tuple(record["shapings"]),
         layout=record["layout"],
         provenance=record["provenance"],
-        arrays={name: np.ascontiguousarray(arrays[name], dtype=dtype) for name, dtype in ARRAYS.items()},
+        arrays={name: np.ascontiguousarray(arrays[name], dtype=dtype) for name, dtype in types(sensors).items()},
         live=live,
+        sensors=sensors,
     )
 
 
@@ -274,12 +307,14 @@ def to_record(domain: Domain) -> dict[str, Any]:
         "shapings": domain.shapings,
         "layout": dict(domain.layout),
         "provenance": dict(domain.provenance),
+        **({"sensors": domain.sensors} if domain.sensors else {}),
     }
 
 
 def save(domain: Domain, path: Path) -> None:
     """Write the domain as a snapshot."""
-    archive.write(path, KIND, to_record(domain), domain.arrays)
+    values = np.asfortranarray(domain.arrays["start_values"])  # factor by factor, where most repeats: it packs well
+    archive.write(path, KIND, to_record(domain), {**domain.arrays, "start_values": values})
 
 
 def read(path: Path) -> Domain:
@@ -289,10 +324,14 @@ def read(path: Path) -> Domain:
         SnapshotError: the file is damaged or is no snapshot, or its arrays make no domain (the first fault is named).
     """
     record, arrays = archive.read(path, KIND)
-    _refuse(path, itertools.chain(validation.record_breaches(record), validation.type_breaches(arrays, ARRAYS)))
+    _refuse(path, itertools.chain(validation.record_breaches(record), _type_breaches(record, arrays)))
     domain = from_export(record, arrays)
     _refuse(path, validation.breaches(domain))
     return domain
+
+
+def _type_breaches(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Iterator[str]:
+    yield from validation.type_breaches(arrays, types(record.get("sensors", ())))
 
 
 def _refuse(path: Path, breaches: Iterator[str]) -> None:

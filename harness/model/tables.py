@@ -2,7 +2,9 @@
 
 The arrays are exported by the Julia package (``julia/src/tables.jl`` documents them one by one); nothing about any
 domain is written here. For visible value v and action a, one hidden factor at most is relevant; its value x picks the
-row that owns the possible outcomes. All indices are 0-based.
+row that owns the possible outcomes. Then *sensors* may read hidden factors unasked, each one factor by a distribution
+of its own, and what is observed is the step's own observation together with the labels of all sensors. All indices are
+0-based.
 
 What an episode touches at a step lies together in three record arrays, and the verbs take these, never the whole
 :class:`Tables`: Numba counts references to every field of a tuple that is passed on, which costs more than the step.
@@ -10,7 +12,7 @@ What an episode touches at a step lies together in three record arrays, and the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numba
@@ -19,6 +21,7 @@ from numba.core.options import DefaultOptions
 from numpy.typing import NDArray
 
 from harness.model.caching import cache_folder
+from harness.model.indexing import strides
 
 _F = TypeVar("_F")
 Records = NDArray[Any]
@@ -71,8 +74,32 @@ OUTCOME = np.dtype(
 """Of one way that a step can go: what is visible next, what becomes of the relevant factor, and what is paid."""
 
 
+class Sensors(NamedTuple):
+    """What is read unasked, after every step: J sensors, each of one hidden factor, independent given the state.
+
+    An observation is a combination of the step's own one and the labels of the sensors, the last running fastest:
+    ``own · combinations + Σ label · stride``. A domain that has none has None in place of this, by whose type Numba
+    leaves out of compiled code whatever is about sensors.
+    """
+
+    factor: NDArray[np.int16]
+    """(J,) the factor that it reads"""
+    labels: NDArray[np.int32]
+    """(J,) how many labels it has"""
+    stride: NDArray[np.int64]
+    """(J,) of its label in the observation"""
+    row: NDArray[np.int32]
+    """(V·A, J) of (next visible value, action): its distribution where the factor has value 0, those of the others
+    following; −1 where the visible value is terminal, at which all labels are 0"""
+    probability: NDArray[np.float64]
+    """(distributions, most labels)"""
+    cdf: NDArray[np.float64]
+    """(distributions, most labels) their running sums"""
+
+
 class Tables(NamedTuple):
-    """The model as arrays. V visible values, A actions, O observations, K hidden factors, N all their values."""
+    """The model as arrays. V visible values, A actions, O own observations of steps, K hidden factors, N all their
+    values."""
 
     n_actions: int
     factor_offset: NDArray[np.int64]
@@ -102,12 +129,20 @@ class Tables(NamedTuple):
     """Factor that the first reading tells of; −1 for none."""
     prior_reading: NDArray[np.int32]
     """(len(prior_visible), longest factor) distribution of the first reading for each value of that factor."""
+    sensors: Sensors | None
 
 
 def from_arrays(
-    arrays: Mapping[str, NDArray[Any]], n_actions: int, factor_offset: NDArray[np.int64], shaping: int
+    arrays: Mapping[str, NDArray[Any]],
+    n_actions: int,
+    factor_offset: NDArray[np.int64],
+    shaping: int,
+    sensors: Sequence[tuple[int, int]],
 ) -> Tables:
-    """The exported arrays (``julia/src/tables.jl``) as compiled code takes them, with the reward of a shaping."""
+    """The exported arrays (``julia/src/tables.jl``) as compiled code takes them, with the reward of a shaping.
+
+    ``sensors``: factor and number of labels of each.
+    """
     choices = np.zeros(len(arrays["first_row"]), CHOICE)
     choices["first_row"], choices["factor"] = arrays["first_row"], arrays["factor"]
     rows = np.zeros(len(arrays["legal"]), ROW)
@@ -136,6 +171,21 @@ def from_arrays(
         arrays["prior_marginals"],
         arrays["prior_factor"],
         arrays["prior_observation"],
+        _sensors(arrays, sensors),
+    )
+
+
+def _sensors(arrays: Mapping[str, NDArray[Any]], sensors: Sequence[tuple[int, int]]) -> Sensors | None:
+    if not sensors:
+        return None
+    factor, labels = np.array(sensors).T
+    return Sensors(
+        factor.astype(np.int16),
+        labels.astype(np.int32),
+        strides(labels),
+        arrays["sensor_row"],
+        arrays["sensor_probability"],
+        arrays["sensor_cdf"],
     )
 
 
@@ -173,6 +223,40 @@ def draw_reading(cdf: NDArray[np.float64], q: int, u: float) -> int:
     while o > 0 and cdf[q, o] == cdf[q, o - 1]:  # rounding left none: the last one with any probability
         o -= 1
     return o
+
+
+@inlined
+def draw_labels(
+    s: Sensors | None,
+    reading_probability: NDArray[np.float64],
+    reading_cdf: NDArray[np.float64],
+    q: int,
+    o: int,
+    u: float,
+    va: int,
+    values: NDArray[np.int16],
+    e: int,
+) -> int:
+    """The observation of episode ``e``: what the sensors read after ``va`` (next visible value and action), together
+    with the step's own observation ``o``, which came of distribution ``q`` at ``u``. What each draw leaves of the
+    number goes to the next one."""
+    if s is not None:
+        left = _left(reading_probability, reading_cdf, q, o, u)
+        for j in range(len(s.factor)):
+            label, row = 0, s.row[va, j]
+            if row >= 0:
+                row += values[e, s.factor[j]]
+                label = draw_reading(s.cdf, row, left)
+                left = _left(s.probability, s.cdf, row, label, left)
+            o = o * s.labels[j] + label
+    return o
+
+
+@inlined
+def _left(probability: NDArray[np.float64], cdf: NDArray[np.float64], q: int, o: int, u: float) -> float:
+    """What is left of ``u`` after it gave observation ``o`` of distribution ``q``."""
+    below = cdf[q, o - 1] if o > 0 else 0.0
+    return (u - below) / probability[q, o]
 
 
 @inlined
@@ -237,6 +321,29 @@ def update_belief(
                     likelihood = reading_probability[outcomes[j].reading, o]
                     posterior[outcomes[j].value] += b * outcomes[j].probability * likelihood
     normalize(posterior, n, marginals, e, first)
+
+
+@inlined
+def update_sensed(
+    s: Sensors | None,
+    factor_offset: NDArray[np.int64],
+    va: int,
+    o: int,
+    marginals: NDArray[np.float64],
+    e: int,
+    posterior: NDArray[np.float64],
+) -> None:
+    """Bayes' rule in place for what the sensors read after ``va`` (next visible value and action), one after the
+    other; ``o`` is the whole observation. Comes after :func:`update_belief` of the step's own one."""
+    if s is not None:
+        for j in range(len(s.factor)):
+            row, label = s.row[va, j], o // s.stride[j] % s.labels[j]
+            if row >= 0:
+                first = factor_offset[s.factor[j]]
+                n = factor_offset[s.factor[j] + 1] - first
+                for x in range(n):
+                    posterior[x] = marginals[e, first + x] * s.probability[row + x, label]
+                normalize(posterior, n, marginals, e, first)
 
 
 @inlined

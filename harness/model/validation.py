@@ -7,8 +7,9 @@ same of any other domain.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +41,8 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "outcome_cdf": ("outcomes",),
     "outcome_observation": ("outcomes",),
     "outcome_reward": ("shapings", "outcomes"),
-    "observation_probability": ("readings", "observations"),
-    "observation_cdf": ("readings", "observations"),
+    "observation_probability": ("readings", "own observations"),
+    "observation_cdf": ("readings", "own observations"),
     "start_visible": ("starts",),
     "start_values": ("starts", "factors"),
     "start_cdf": ("starts",),
@@ -50,6 +51,9 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "prior_marginals": ("priors", "marginals"),
     "prior_factor": ("priors",),
     "prior_observation": ("priors", "longest factor"),
+    "sensor_row": ("visible × actions", "sensors"),
+    "sensor_probability": ("sensor readings", "most labels"),
+    "sensor_cdf": ("sensor readings", "most labels"),
 }
 """What the axes of the arrays stand for."""
 
@@ -74,6 +78,9 @@ def record_breaches(record: Mapping[str, Any]) -> Iterator[str]:
     features = record.get("features")
     if not isinstance(features, list) or not all(_is_feature(each) for each in features):
         yield "features is no list of [name, factor, value]"
+    sensors = record.get("sensors", [])
+    if not isinstance(sensors, list) or not all(_is_sensor(each) for each in sensors):
+        yield "sensors is no list of [name, factor, labels]"
     for name in ("layout", "provenance"):
         if not isinstance(record.get(name), dict):
             yield f"{name} is no table of names and values"
@@ -97,6 +104,12 @@ def _is_feature(value: Any) -> bool:
     if not isinstance(value, list) or len(value) != 3:
         return False
     return is_name(value[0]) and all(whole(index, 0, LARGEST_WHOLE) for index in value[1:])
+
+
+def _is_sensor(value: Any) -> bool:
+    if not isinstance(value, list) or len(value) != 3 or not is_name(value[0]):
+        return False
+    return whole(value[1], 0, LARGEST_WHOLE) and _are_names(value[2]) and len(value[2]) > 1
 
 
 def type_breaches(arrays: Mapping[str, NDArray[Any]], types: Mapping[str, Any]) -> Iterator[str]:
@@ -131,10 +144,27 @@ def _name_breaches(d: Domain) -> Iterator[str]:
         ("observation", d.observations),
         ("feature", [f[0] for f in d.features]),
         ("shaping", d.shapings),
+        ("sensor", [sensor.name for sensor in d.sensors]),
     ):
         if len(set(names)) != len(names):
             yield f"two {what}s share a name"
+    yield from _sensor_breaches(d)
     yield from _layout_breaches(d)
+
+
+def _sensor_breaches(d: Domain) -> Iterator[str]:
+    """Their names; programs say ``3 == "good"`` of an action ``check(3)`` and of a sensor ``3``."""
+    for sensor in d.sensors:
+        if len(set(sensor.labels)) != len(sensor.labels):
+            yield f"two labels of the sensor {quoted(sensor.name)} share a name"
+        if f"check({sensor.name})" in d.actions:
+            yield f"the sensor {quoted(sensor.name)} and the action check({sensor.name}) are told apart by nothing"
+    if d.sensors and d.n_observations % d.n_labels:
+        yield f"{d.n_observations} observations are no combinations of the {d.n_labels} of the sensors' labels"
+
+
+_COLUMNS: dict[str, tuple[str, ...]] = {"rocksample": ("exit_column",), "grid": ()}
+"""Which columns a layout names by its kind; any other names an exit and a wall."""
 
 
 def _layout_breaches(d: Domain) -> Iterator[str]:
@@ -143,30 +173,55 @@ def _layout_breaches(d: Domain) -> Iterator[str]:
     if not isinstance(kind, str):
         yield "the layout says no kind"
     elif kind != "none":
-        columns = ("rows", "columns", "exit_column", *(() if kind == "rocksample" else ("wall_column",)))
-        for name in columns:
+        for name in ("rows", "columns", *_COLUMNS.get(kind, ("exit_column", "wall_column"))):
             if not whole(layout.get(name), 1, _LARGEST_GRID):
                 yield f"the layout's {name} is {quoted(layout.get(name))}, not a number of 1 … {_LARGEST_GRID}"
         if layout.get("rows_grow") not in ("up", "down"):
             yield "the layout's rows_grow is neither 'up' nor 'down'"
         if kind == "rocksample":
             yield from _rock_breaches(d)
+        elif kind == "grid":
+            yield from _map_breaches(d)
+
+
+def _are_cells(value: Any) -> TypeGuard[list[list[int]]]:
+    return isinstance(value, list) and all(
+        isinstance(cell, list) and len(cell) == 2 and all(whole(x, 1, _LARGEST_GRID) for x in cell) for cell in value
+    )
+
+
+def _map_breaches(d: Domain) -> Iterator[str]:
+    """Walls, signs and the cells that values of a hidden factor stand for."""
+    signs, cells = d.layout.get("signs"), d.layout.get("hidden_cells")
+    if not _are_cells(d.layout.get("walls")):
+        yield "the layout's walls are no list of cells [x, y]"
+    if not isinstance(signs, list) or not all(
+        isinstance(sign, list) and sign and is_name(sign[0]) and len(sign[0]) == 1 and _are_cells([sign[1:]])
+        for sign in signs
+    ):
+        yield "the layout's signs are no list of [character, x, y]"
+    if not _are_cells(cells) or (cells and [len(cells)] != [len(labels) for labels in d.factor_labels]):
+        yield "the layout's hidden_cells are no list of cells [x, y], one for every value of the one hidden factor"
 
 
 def _rock_breaches(d: Domain) -> Iterator[str]:
     rocks, reach = d.layout.get("rocks"), d.layout.get("half_efficiency_distance")
-    if not isinstance(rocks, list) or not all(
-        isinstance(cell, list) and len(cell) == 2 and all(whole(x, 1, _LARGEST_GRID) for x in cell) for cell in rocks
-    ):
+    if not _are_cells(rocks):
         yield "the layout's rocks are no list of cells [x, y]"
         return
     if not isinstance(reach, (int, float)) or not 0 < reach < 1e9:
         yield f"the layout's half_efficiency_distance is {quoted(reach)}, not a number above 0"
-    moves = ("up()", "right()", "down()", "left()", "sample()", "check(1)")
+    if not isinstance(best := d.layout.get("best_accuracy", 1.0), (int, float)) or not 0.5 <= best <= 1:
+        yield f"the layout's best_accuracy is {quoted(best)}, not a number of 0.5 … 1"
+    moves = ("up()", "right()", "down()", "left()", "sample()")
     checks = d.actions[d.actions.index("check(1)") :][: len(rocks)] if "check(1)" in d.actions else ()
-    if not rocks or not set(moves) <= set(d.actions) or checks != tuple(f"check({i + 1})" for i in range(len(rocks))):
-        yield "the actions are not those of RockSample, one check for every rock in order"
-    if len(d.features) != len(rocks) or d.visible_names != ("x", "y") or "good" not in d.observations:
+    numbers = [str(i + 1) for i in range(len(rocks))]
+    seen = [(sensor.name, sensor.factor) for sensor in d.sensors] == list(zip(numbers, itertools.count()))
+    asked = not d.sensors and checks == tuple(f"check({i})" for i in numbers)
+    if not rocks or not set(moves) <= set(d.actions) or not (asked or seen):
+        yield "the actions are not those of RockSample, one check or sensor for every rock in order"
+    readings = [sensor.labels for sensor in d.sensors] or [d.observations]
+    if len(d.features) != len(rocks) or d.visible_names != ("x", "y") or any("good" not in r for r in readings):
         yield "features, visible names or observations are not those of RockSample"
 
 
@@ -179,11 +234,15 @@ def _shape_breaches(d: Domain) -> Iterator[str]:
         "outcomes": first["outcome_visible"], "shapings": len(d.shapings), "observations": d.n_observations,
         "readings": first["observation_probability"], "starts": first["start_cdf"], "priors": first["prior_visible"],
         "factors": len(d.factors), "marginals": d.n_marginals, "longest factor": longest,
+        "own observations": d.n_observations // d.n_labels, "sensors": len(d.sensors),
+        "sensor readings": first.get("sensor_probability", 0),
+        "most labels": max((len(sensor.labels) for sensor in d.sensors), default=0),
     }  # fmt: skip
     for name in ("visible", "visible × actions", "rows", "outcomes", "observations", "readings", "starts", "priors"):
         if sizes[name] < 1:
             yield f"there are no {name}"
-    for name, axes in SHAPES.items():
+    for name in d.arrays:
+        axes = SHAPES[name]
         expected = tuple(sizes[axis] for axis in axes)
         if d.arrays[name].shape != expected:
             yield f"{name} has the shape {d.arrays[name].shape}, needed is {expected}: {', '.join(axes)}"
@@ -229,10 +288,27 @@ def _index_breaches(d: Domain) -> Iterator[str]:
     yield from outside("prior_visible", t["prior_visible"], 0, d.n_visible)
     yield from outside("prior_factor", t["prior_factor"], -1, len(d.factors))
     yield from outside("prior_observation", t["prior_observation"], -1, readings)
+    yield from _sensor_row_breaches(d)
     for name, k, x in d.features:
         if not 0 <= k < len(d.factors) or not 0 <= x < d.factor_sizes[k]:
             yield f"the feature {quoted(name)} names a factor or value that does not exist"
             break
+
+
+def _sensor_row_breaches(d: Domain) -> Iterator[str]:
+    """Each sensor reads a factor that exists, wherever an episode goes on."""
+    if not d.sensors:
+        return
+    t = d.arrays
+    for sensor in d.sensors:
+        if sensor.factor >= len(d.factors):
+            yield f"the sensor {quoted(sensor.name)} reads factor {sensor.factor}, which does not exist"
+            return
+    terminal = np.repeat(t["terminal"], d.n_actions)[:, None]
+    after = len(t["sensor_probability"]) + 1 - np.array([d.factor_sizes[sensor.factor] for sensor in d.sensors])
+    yield from outside("sensor_row", t["sensor_row"], np.where(terminal, -1, 0), np.where(terminal, 0, after))
+    if (t["start_observation"] >= 0).any():
+        yield "something is read before the first step, which no domain with sensors has"
 
 
 def _row_limits(d: Domain) -> NDArray[np.int64]:
@@ -251,7 +327,10 @@ def _row_limits(d: Domain) -> NDArray[np.int64]:
 
 def _content_breaches(d: Domain) -> Iterator[str]:
     yield from _outcome_breaches(d)
-    yield from _reading_breaches(d)
+    yield from _distribution_breaches("observation", d.arrays["observation_probability"], d.arrays["observation_cdf"])
+    if d.sensors:
+        yield from _distribution_breaches("sensor", d.arrays["sensor_probability"], d.arrays["sensor_cdf"])
+        yield from _label_breaches(d)
     yield from _start_breaches(d)
     yield from _prior_breaches(d)
     yield from _legal_breaches(d)
@@ -273,14 +352,25 @@ def _outcome_breaches(d: Domain) -> Iterator[str]:
     yield from faulty("outcome_reward", ~(np.abs(rewards) <= LARGEST_REWARD), "is not a finite number")
 
 
-def _reading_breaches(d: Domain) -> Iterator[str]:
-    probability, cdf = d.arrays["observation_probability"], d.arrays["observation_cdf"]
-    yield from faulty("observation_probability", ~(probability >= 0), "is negative")
+def _distribution_breaches(name: str, probability: NDArray[np.float64], cdf: NDArray[np.float64]) -> Iterator[str]:
+    yield from faulty(f"{name}_probability", ~(probability >= 0), "is negative")
     bad = ~(np.abs(probability.sum(axis=1) - 1) <= _TOLERANCE)
-    yield from faulty("observation_probability", bad, "does not sum to 1")
+    yield from faulty(f"{name}_probability", bad, "does not sum to 1")
     below = np.concatenate([np.zeros((len(cdf), 1)), cdf[:, :-1]], axis=1)
     wrong = ~(np.abs(cdf - below - probability) <= _TOLERANCE) | (cdf < below)
-    yield from faulty("observation_cdf", wrong, "is not the running sum of observation_probability")
+    wrong |= (probability == 0) & (cdf != below)  # what is impossible would be drawn
+    yield from faulty(f"{name}_cdf", wrong, f"is not the running sum of {name}_probability")
+
+
+def _label_breaches(d: Domain) -> Iterator[str]:
+    """No sensor with few labels has a chance of more."""
+    for j, sensor in enumerate(d.sensors):
+        first = d.arrays["sensor_row"][:, j]
+        for x in range(d.factor_sizes[sensor.factor]):
+            rows = d.arrays["sensor_probability"][first[first >= 0] + x]
+            if (rows[:, len(sensor.labels) :] > 0).any():
+                yield f"the sensor {quoted(sensor.name)} may read a label beyond its {len(sensor.labels)}"
+                return
 
 
 def _start_breaches(d: Domain) -> Iterator[str]:
@@ -337,13 +427,15 @@ def _legal_by_factor(d: Domain, v: int) -> bool:
     return any(values.all() for values in some.values())
 
 
-def outside(name: str, array: NDArray[Any], low: int, high: int | NDArray[np.int64]) -> Iterator[str]:
+def outside(
+    name: str, array: NDArray[Any], low: int | NDArray[np.int64], high: int | NDArray[np.int64]
+) -> Iterator[str]:
     """The first index of an array that is not in ``low … high − 1``."""
     bad = (array < low) | (array >= high)
     if bad.any():
         place = np.unravel_index(bad.argmax(), bad.shape)
-        most = int(np.broadcast_to(high, bad.shape)[place]) - 1
-        yield f"{_entry(name, place)} is {array[place]}, which leaves the range {low} … {most}"
+        least, most = (int(np.broadcast_to(limit, bad.shape)[place]) for limit in (low, high))
+        yield f"{_entry(name, place)} is {array[place]}, which leaves the range {least} … {most - 1}"
 
 
 def faulty(name: str, where: NDArray[np.bool_], what: str) -> Iterator[str]:

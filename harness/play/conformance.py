@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import functools
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
@@ -18,6 +19,7 @@ from harness.engine.batch import Batch
 from harness.errors import HarnessError, check_whole, printable
 from harness.model import validation
 from harness.model.domain import Domain
+from harness.model.joining import joined
 from harness.model.tables import STOP
 from harness.play.evaluation import HORIZON, MOST, check_played, simulate
 from harness.policy import Policy
@@ -91,7 +93,7 @@ def _episodes(
 
 
 def _check_course(d: Domain, engine: str, episodes: int, seed: int, policy: RandomPolicy) -> Iterator[str]:
-    t = _exported(d)
+    t, predict = _exported(d), _predictor(d)
     starts = np.zeros(d.n_visible)
     surprise: list[NDArray[np.float64]] = []
     before: Batch | None = None
@@ -107,7 +109,7 @@ def _check_course(d: Domain, engine: str, episodes: int, seed: int, policy: Rand
             if not np.array_equal(now.done, t.terminal[now.visible]):
                 yield "done is not the same as a terminal visible value"
             alive = np.flatnonzero(record.active)
-            expected = _predicted(d, before, record.actions, alive)
+            expected = predict(before, record.actions, alive)
             seen = np.zeros_like(expected)
             known = now.observation[alive] >= 0
             seen[np.flatnonzero(known), now.observation[alive][known]] = 1
@@ -140,22 +142,37 @@ def _check_belief(d: Domain, batch: Batch) -> Iterator[str]:
             yield f"the belief over {d.factors[k]} is not a distribution"
 
 
-def _predicted(d: Domain, batch: Batch, actions: NDArray[np.int32], alive: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(len(alive), O) probability of each next observation under the belief before the step."""
+_Predict = Callable[[Batch, NDArray[np.int32], NDArray[np.intp]], NDArray[np.float64]]
+
+
+def _predictor(domain: Domain) -> _Predict:
+    """What gives (len(alive), O), the probability of each next observation under the belief before the step.
+
+    Where sensors read several factors at once, it goes by the joint value of all.
+    """
+    d = joined(domain)
     t = _exported(d)
-    predicted = np.zeros((len(alive), d.n_observations))
-    for i, e in enumerate(alive):
-        va = batch.visible[e] * d.n_actions + actions[e]
-        k = t.factor[va]
-        weights = [1.0] if k < 0 else batch.marginals[e, d.factor_offset[k] : d.factor_offset[k + 1]]
-        for x, weight in enumerate(weights):
-            if weight > 0:
-                row = t.first_row[va] + x
-                for j in range(t.row_outcomes[row], t.row_outcomes[row + 1]):
-                    predicted[i] += (
-                        weight * t.outcome_probability[j] * t.observation_probability[t.outcome_observation[j]]
-                    )
-    return predicted
+
+    @functools.cache
+    def readings(va: int) -> NDArray[np.float64]:
+        """(n, O) for each value of the relevant factor."""
+        k, first = t.factor[va], t.first_row[va]
+        ends = t.row_outcomes[first : first + (1 if k < 0 else d.factor_sizes[k]) + 1]
+        ways = slice(ends[0], ends[-1])
+        weighted = t.outcome_probability[ways, None] * t.observation_probability[t.outcome_observation[ways]]
+        return np.add.reduceat(weighted, ends[:-1] - ends[0], axis=0)
+
+    def predict(batch: Batch, actions: NDArray[np.int32], alive: NDArray[np.intp]) -> NDArray[np.float64]:
+        predicted = np.zeros((len(alive), d.n_observations))
+        marginals = batch.joint(alive) if domain.sensors else batch.marginals[alive]
+        for i, e in enumerate(alive):
+            va = int(batch.visible[e]) * d.n_actions + int(actions[e])
+            k = t.factor[va]
+            weights = np.ones(1) if k < 0 else marginals[i, d.factor_offset[k] : d.factor_offset[k + 1]]
+            predicted[i] = weights @ readings(va)
+        return predicted
+
+    return predict
 
 
 class _Way(NamedTuple):

@@ -18,7 +18,18 @@ from harness import host
 from harness.engine import rng
 from harness.engine.tables import TablesEngine
 from harness.model.domain import Domain
-from harness.model.tables import STOP, Records, Tables, compiled, draw_outcome, draw_reading, row_of, update_belief
+from harness.model.tables import (
+    STOP,
+    Records,
+    Tables,
+    compiled,
+    draw_labels,
+    draw_outcome,
+    draw_reading,
+    row_of,
+    update_belief,
+    update_sensed,
+)
 from harness.play import executor
 from harness.play.evaluation import simulate
 from harness.play.executor import Workers
@@ -40,13 +51,31 @@ class Played(NamedTuple):
     """What became of P programs in E episodes."""
 
     returns: NDArray[np.float64]
-    """(P, E) undiscounted, of the domain's shaping."""
+    """(P, E) of the domain's shaping."""
     steps: NDArray[np.int64]
     """(P,) environment steps in all episodes together."""
+    visited: NDArray[np.int64]
+    """(P,) different visible values that an episode has seen, added up over the episodes."""
+    readings: NDArray[np.int64]
+    """(P,) steps in all episodes together whose observation was not the domain's "none"."""
+
+    def part(self, chunk: slice) -> Played:
+        """That of some programs, a view."""
+        return Played(self.returns[chunk], self.steps[chunk], self.visited[chunk], self.readings[chunk])
+
+
+def _nothing(programs: int, episodes: int) -> Played:
+    """Of episodes that have not begun."""
+    return Played(np.zeros((programs, episodes)), *(np.zeros(programs, dtype=np.int64) for _ in range(3)))
 
 
 def play(
-    domain: Domain, programs: Sequence[Program], episodes: Episodes, engine: str = "tables", workers: int = 1
+    domain: Domain,
+    programs: Sequence[Program],
+    episodes: Episodes,
+    engine: str = "tables",
+    workers: int = 1,
+    discount: float = 1.0,
 ) -> Played:
     """Play every program in every episode.
 
@@ -56,36 +85,43 @@ def play(
         episodes: which episodes; all programs meet the same random numbers.
         engine: ``tables`` or ``julia``.
         workers: threads of the tables engine; the numbers do not depend on it.
+        discount: what a reward loses with every step.
     """
     host.check_memory(*memory(domain, len(programs), episodes.size, episodes.horizon))
     away = executor.current() if engine == "tables" else None
     if engine == "julia":
-        return _play_in_lockstep(domain, programs, episodes)
+        return _play_in_lockstep(domain, programs, episodes, discount)
     if not programs:
-        return Played(np.zeros((0, episodes.size)), np.zeros(0, dtype=np.int64))
+        return _nothing(0, episodes.size)
     if away is not None and len(programs) * episodes.size > _WORTH:
-        return _play_away(away, domain, programs, episodes)
-    return _play_compiled(domain, _registers(programs[0].words), episodes, executor.threads(workers), _codes(programs))
+        return _play_away(away, domain, programs, episodes, discount)
+    registers = _registers(programs[0].words)
+    return _play_compiled(domain, registers, episodes, discount, executor.threads(workers), _codes(programs))
 
 
 _WORTH = 50_000  # episodes of programs that are worth the way to another machine: some tenths of a second
 
 
-def _play_away(workers: Workers, domain: Domain, programs: Sequence[Program], episodes: Episodes) -> Played:
+def _play_away(
+    workers: Workers, domain: Domain, programs: Sequence[Program], episodes: Episodes, discount: float
+) -> Played:
     """The same on the workers of :func:`harness.cluster`, so many programs a time."""
     size = max(1, _WORTH // episodes.size)
     items = [(i, _codes(programs[i : i + size])) for i in range(0, len(programs), size)]
-    played = Played(np.empty((len(programs), episodes.size)), np.empty(len(programs), dtype=np.int64))
+    played = _nothing(len(programs), episodes.size)
     for (i, _), part in executor.each(
-        workers, _part, items, domain, _registers(programs[0].words), episodes,
+        workers, _part, items, domain, _registers(programs[0].words), episodes, discount,
         name=lambda item: f"the programs from number {item[0]:,} on, on {domain.name}",
     ):  # fmt: skip
-        played.returns[i : i + size], played.steps[i : i + size] = part
+        for whole, piece in zip(played, part, strict=True):
+            whole[i : i + size] = piece
     return played
 
 
-def _part(domain: Domain, registers: _Registers, episodes: Episodes, item: tuple[int, _Codes]) -> Played:
-    return _play_compiled(domain, registers, episodes, 1, item[1])
+def _part(
+    domain: Domain, registers: _Registers, episodes: Episodes, discount: float, item: tuple[int, _Codes]
+) -> Played:
+    return _play_compiled(domain, registers, episodes, discount, 1, item[1])
 
 
 class _Registers(NamedTuple):
@@ -128,9 +164,11 @@ def memory(domain: Domain, programs: int, episodes: int, horizon: int) -> tuple[
 _COLUMNS = 12  # numbers of 8 bytes that an episode takes besides its returns, random numbers and belief
 
 
-def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, workers: int, programs: _Codes) -> Played:
+def _play_compiled(
+    domain: Domain, registers: _Registers, episodes: Episodes, discount: float, workers: int, programs: _Codes
+) -> Played:
     count = len(programs.lengths)
-    played = Played(np.zeros((count, episodes.size)), np.zeros(count, dtype=np.int64))
+    played = _nothing(count, episodes.size)
     last = np.cumsum(programs.lengths)
     first = last - programs.lengths
     u = np.empty((episodes.size, episodes.horizon + 1))
@@ -143,12 +181,14 @@ def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, wo
         _play(
             domain.tables,
             u,
+            discount,
             start.visible,
             start.values,
             start.observation,
             start.done,
             start.marginals,
             domain.visible_values,
+            _none(domain),
             registers.of_action,
             registers.numbers,
             registers.n_registers,
@@ -157,8 +197,7 @@ def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, wo
             last[chunk],
             programs.loops[chunk],
             programs.believe[chunk],
-            played.returns[chunk],
-            played.steps[chunk],
+            *played.part(chunk),
         )
 
     chunks = [slice(i, i + _CHUNK) for i in range(0, count, _CHUNK)]
@@ -174,34 +213,47 @@ def _play_compiled(domain: Domain, registers: _Registers, episodes: Episodes, wo
 _CHUNK = 16  # programs a task: programs differ in length, so the threads take several small tasks
 
 
-def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Episodes) -> Played:
+def _none(domain: Domain) -> int:
+    """The observation that tells nothing; −1 where each tells something."""
+    return domain.observations.index("none") if "none" in domain.observations else -1
+
+
+def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Episodes, discount: float) -> Played:
     """The same through the engine contract, step by step."""
-    played = Played(np.zeros((len(programs), episodes.size)), np.zeros(len(programs), dtype=np.int64))
+    played = _nothing(len(programs), episodes.size)
     for p, program in enumerate(programs):
-        played.steps[p] = _lockstep(domain, program, episodes, played.returns[p])
+        _lockstep(domain, program, episodes, discount, played.part(slice(p, p + 1)))
     return played
 
 
-def _lockstep(domain: Domain, program: Program, episodes: Episodes, returns: NDArray[np.float64]) -> int:
-    """Adds up the returns; the number of environment steps."""
-    policy, steps = ProgramPolicy(program), 0
+def _lockstep(domain: Domain, program: Program, episodes: Episodes, discount: float, played: Played) -> None:
+    """Adds up what becomes of one program."""
+    weight = 1.0
+    policy, every, none = ProgramPolicy(program), np.arange(episodes.size), _none(domain)
+    places = []  # of episode and visible value; an episode that has ended stays where it is
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
+        places.append(every * domain.n_visible + record.batch.visible)
         if record.actions is not None:
-            returns[record.active] += record.rewards[record.active]
-            steps += int(record.active.sum())
-    return steps
+            played.returns[0, record.active] += weight * record.rewards[record.active]
+            weight *= discount
+            played.steps[0] += int(record.active.sum())
+            told = record.batch.observation[record.active]
+            played.readings[0] += int(((told >= 0) & (told != none)).sum())
+    played.visited[0] = len(np.unique(places))
 
 
 @compiled
 def _play(
     t: Tables,
     u: NDArray[np.float64],
+    discount: float,
     start_visible: NDArray[np.int32],
     start_values: NDArray[np.int16],
     start_observation: NDArray[np.int32],
     start_done: NDArray[np.bool_],
     start_marginals: NDArray[np.float64],
     visible_values: NDArray[np.int16],
+    none: int,
     register: NDArray[np.int16],
     numbers: NDArray[np.float64],
     n_registers: int,
@@ -212,15 +264,20 @@ def _play(
     believes: NDArray[np.bool_],
     returns: NDArray[np.float64],
     steps: NDArray[np.int64],
+    visited: NDArray[np.int64],
+    readings: NDArray[np.int64],
 ) -> None:
     choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions
     reading_cdf, reading_probability, factor_offset = t.reading_cdf, t.reading_probability, t.factor_offset
+    sensors = t.sensors
     values = np.zeros((1, start_values.shape[1]), dtype=np.int16)
     marginals = np.zeros((1, start_marginals.shape[1]))
     registers = np.zeros((1, n_registers), dtype=np.int32)
+    met = np.full(len(visible_values), -1, dtype=np.int64)  # the last episode that has been there
     scratch = np.zeros(max(1, np.diff(factor_offset).max() if len(factor_offset) > 1 else 1))
     for p in range(len(firsts)):
         first, last, loop, track = firsts[p], lasts[p], loops[p], believes[p]
+        cells, told = 0, 0
         for e in range(u.shape[0]):
             v, o, done = start_visible[e], start_observation[e], start_done[e]
             for k in range(values.shape[1]):
@@ -230,7 +287,10 @@ def _play(
             if track:
                 for j in range(marginals.shape[1]):
                     marginals[0, j] = start_marginals[e, j]
-            place, total = 0, 0.0
+            place, total, weight = 0, 0.0, 1.0
+            episode = p * u.shape[0] + e
+            met[v] = episode
+            cells += 1
             step = 1
             while step < u.shape[1] and not done:
                 a, place = next_action(
@@ -245,10 +305,15 @@ def _play(
                     k = choices[va].factor
                     if k >= 0:
                         values[0, k] = outcomes[i].value
-                    total += outcomes[i].reward
+                    total += weight * outcomes[i].reward
+                    weight *= discount
                     steps[p] += 1
                     v = outcomes[i].visible
                     done = outcomes[i].ends
+                    if met[v] != episode:
+                        met[v] = episode
+                        cells += 1
+                    told += o >= 0 and o != none
                     if register[a] >= 0:
                         registers[0, register[a]] = o
                     if track and k >= 0:
@@ -257,5 +322,11 @@ def _play(
                         update_belief(
                             choices, rows, outcomes, reading_probability, va, v, o, marginals, 0, start, n, scratch
                         )
+                    if sensors is not None:
+                        va, q = v * n_actions + a, outcomes[i].reading
+                        o = draw_labels(sensors, reading_probability, reading_cdf, q, o, left, va, values, 0)
+                        if track:
+                            update_sensed(sensors, factor_offset, va, o, marginals, 0, scratch)
                     step += 1
             returns[p, e] = total
+        visited[p], readings[p] = cells, told

@@ -114,8 +114,8 @@ def _controller(domain: Domain, text: str) -> Policy:
 
 def _solved(word: str) -> Callable[[Domain, str], Policy]:
     def build(domain: Domain, text: str) -> Policy:
-        path = registry.policy_path(domain.name, word)
-        if not path.exists():
+        path = registry.stored_policy(domain, word)
+        if path is None:
             raise PolicyError(
                 f"no {word} policy is stored for {domain.name}; solve it (harness solve {domain.name} --solver {word}) "
                 f"and name the file: alpha:FILE"
@@ -133,8 +133,8 @@ def _graph(domain: Domain, text: str) -> Policy:
 
 def _evolved(word: str) -> Callable[[Domain, str], Policy]:
     def build(domain: Domain, text: str) -> Policy:
-        path = registry.program_path(domain.name, word)
-        if not path.exists():
+        path = registry.stored_program(domain, word)
+        if path is None:
             raise PolicyError(
                 f"no {word} program is kept for {domain.name}; evolve one (harness evolve {domain.name} --out DIR) "
                 f"and name it: program:DIR/best.txt"
@@ -198,8 +198,8 @@ _KINDS = (
 
 def _usable(domain: Domain) -> list[_Kind]:
     """The kinds that mean something on a domain; solved and evolved ones where there is one with the package."""
-    kept = [word for word in (*SOLVED, OWN) if registry.policy_path(domain.name, word).exists()]
-    kept += [word for word in EVOLVED if registry.program_path(domain.name, word).exists()]
+    kept = [word for word in (*SOLVED, OWN) if registry.stored_policy(domain, word)]
+    kept += [word for word in EVOLVED if registry.stored_program(domain, word)]
     return [
         kind
         for kind in _KINDS

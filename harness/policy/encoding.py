@@ -6,6 +6,8 @@ on exactly what it was trained on.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,10 +39,11 @@ class Encoding:
     """Episodes as vectors of D float32 numbers in [0, 1].
 
     In order: for ``action-reading`` the last action, one-hot (A numbers, all 0 before the first); for it and
-    ``reading`` the last observation, one-hot (O numbers, all 0 where there is none yet); for ``belief`` the domain's
-    F belief features; for ``marginals`` the N probabilities of all values of the hidden factors. Then for every kind
-    the visible part, each of its numbers one-hot over the values that it takes in the domain: what pays in one place
-    pays nothing beside it, and a network need not learn first to tell places apart.
+    ``reading`` the last observation, one-hot (O numbers, all 0 where there is none yet; where sensors read unasked, the
+    label of each is one-hot by itself); for ``belief`` the domain's F belief features; for ``marginals`` the N
+    probabilities of all values of the hidden factors. Then for every kind the visible part, each of its numbers one-hot
+    over the values that it takes in the domain: what pays in one place pays nothing beside it, and a network need not
+    learn first to tell places apart.
     """
 
     def __init__(self, kind: str, domain: Domain) -> None:
@@ -52,7 +55,7 @@ class Encoding:
         check_kind(kind)
         self.kind, self.domain = kind, domain
         self._actions = domain.n_actions if kind == "action-reading" else 0
-        self._readings = 0 if shows_belief(kind) else domain.n_observations
+        self._readings = _readings(domain, not shows_belief(kind))
         self._columns = _columns(kind, domain)
         self._visible = _one_hot(domain.visible_values)
 
@@ -62,7 +65,7 @@ class Encoding:
         domain = self.domain
         return (
             *(f"did {action}" for action in domain.actions[: self._actions]),
-            *(f"read {reading}" for reading in domain.observations[: self._readings]),
+            *self._readings.names,
             *_belief_names(self.kind, domain),
             *_visible_names(domain),
         )
@@ -70,7 +73,7 @@ class Encoding:
     @property
     def size(self) -> int:
         """Number D."""
-        return self._actions + self._readings + len(self._columns) + self._visible.shape[1]
+        return self._actions + len(self._readings.names) + len(self._columns) + self._visible.shape[1]
 
     def __call__(self, batch: Batch, last: NDArray[np.int32]) -> NDArray[np.float32]:
         """(E, D) of a batch, a new array; ``last`` (E,): the last actions, −1 before the first.
@@ -84,7 +87,8 @@ class Encoding:
             last,
             self._actions,
             batch.observation,
-            self._readings,
+            self._readings.place,
+            len(self._readings.names),
             marginals,
             self._columns,
             batch.visible,
@@ -92,6 +96,31 @@ class Encoding:
             out,
         )
         return out
+
+
+class _Readings(NamedTuple):
+    """How observations are shown: R numbers, of which some are 1."""
+
+    names: list[str]
+    """(R,)"""
+    place: NDArray[np.int64]
+    """(O, …) which are 1"""
+
+
+def _readings(domain: Domain, shown: bool) -> _Readings:
+    if not shown:
+        return _Readings([], np.zeros((domain.n_observations, 0), dtype=np.int64))
+    every, own = np.arange(domain.n_observations), domain.n_observations // domain.n_labels
+    if not domain.sensors:
+        return _Readings([f"read {each}" for each in domain.observations], every[:, None])
+    parts = [sensor.labels for sensor in domain.sensors]
+    names = [f"{sensor.name} read {label}" for sensor in domain.sensors for label in sensor.labels]
+    place = domain.labels_of(every) + np.cumsum([0, *map(len, parts)])[:-1]
+    if own == 1:
+        return _Readings(names, place)
+    return _Readings(
+        [*names, *(f"read {i}" for i in range(own))], np.column_stack([place, len(names) + every // domain.n_labels])
+    )
 
 
 def _columns(kind: str, domain: Domain) -> NDArray[np.int64]:
@@ -124,6 +153,7 @@ def _encode(
     last: NDArray[np.int32],
     n_actions: int,
     observation: NDArray[np.int32],
+    place: NDArray[np.int64],
     n_readings: int,
     marginals: NDArray[np.float64],
     columns: NDArray[np.int64],
@@ -137,7 +167,8 @@ def _encode(
         if n_actions > 0 and last[e] >= 0:
             out[e, last[e]] = 1.0
         if n_readings > 0 and observation[e] >= 0:
-            out[e, n_actions + observation[e]] = 1.0
+            for j in range(place.shape[1]):
+                out[e, n_actions + place[observation[e], j]] = 1.0
         at = n_actions + n_readings
         for i in range(len(columns)):
             out[e, at + i] = marginals[e, columns[i]]

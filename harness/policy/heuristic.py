@@ -27,13 +27,13 @@ class RockMap(NamedTuple):
     toward: NDArray[np.int32]
     """(V, K) the move toward the rock, column first, then row; sample() on it."""
     accuracy: NDArray[np.float64]
-    """(V, K) probability that a reading is right (eq. 3)."""
+    """(V, K) probability that a reading is right (eq. 3; by a sensor that errs everywhere, less)."""
     right: int
     sample: int
     check: int
-    """Action of check(1); check(i) follows in order."""
-    good: int
-    """Observation of a good rock."""
+    """Action of check(1), after which check(i) follows in order; −1 where every step reads all rocks unasked."""
+    good: NDArray[np.bool_]
+    """(O, K) whether an observation, which is of the rock, says that it is good."""
 
     def __deepcopy__(self, memo: object) -> RockMap:
         """Itself: nobody writes to a map, so copies of a policy share it."""
@@ -45,26 +45,34 @@ class RockMap(NamedTuple):
         Raises:
             PolicyError: it is a map of another domain.
         """
-        if self.distance.shape != (domain.n_visible, len(domain.factors)):
+        if (*self.distance.shape, len(self.good)) != (domain.n_visible, len(domain.factors), domain.n_observations):
             raise PolicyError(f"the policy was made for other rocks than those of {domain.name}: make it anew")
         return self
 
 
 def rock_map(domain: Domain) -> RockMap:
     """The map of a RockSample domain."""
-    away = np.array(domain.layout["rocks"]) - domain.visible_values[:, None, :].astype(np.int64)  # (V, K, 2)
+    layout = domain.layout
+    away = np.array(layout["rocks"]) - domain.visible_values[:, None, :].astype(np.int64)  # (V, K, 2)
     dx, dy = away[..., 0], away[..., 1]
     steps = [domain.action(name) for name in ("right()", "left()", "up()", "down()")]
     return RockMap(
         distance=np.abs(dx) + np.abs(dy),
         ahead=np.maximum(dx, 0),
         toward=np.select([dx > 0, dx < 0, dy > 0, dy < 0], steps, domain.action("sample()")).astype(np.int32),
-        accuracy=0.5 + 0.5 * 2.0 ** (-np.hypot(dx, dy) / domain.layout["half_efficiency_distance"]),
+        accuracy=0.5
+        + (layout.get("best_accuracy", 1.0) - 0.5) * 2.0 ** (-np.hypot(dx, dy) / layout["half_efficiency_distance"]),
         right=domain.action("right()"),
         sample=domain.action("sample()"),
-        check=domain.action("check(1)"),
-        good=domain.observations.index("good"),
+        check=-1 if domain.sensors else domain.action("check(1)"),
+        good=_says_good(domain),
     )
+
+
+def _says_good(domain: Domain) -> NDArray[np.bool_]:
+    if not domain.sensors:
+        return np.array([[observation == "good"] * len(domain.factors) for observation in domain.observations])
+    return domain.labels_of(np.arange(domain.n_observations)) == [s.labels.index("good") for s in domain.sensors]
 
 
 class AccuracyPolicy:
@@ -73,6 +81,9 @@ class AccuracyPolicy:
     Candidates are the rocks neither sampled nor rejected whose sensor accuracy exceeds the threshold; the nearest
     (Manhattan distance, ties by number) is checked once: good, it is walked to and sampled; bad, rejected. Without
     candidates the robot moves right.
+
+    Where every step reads all rocks unasked there is nothing to check: each reading of a candidate counts as one, the
+    last one decides, and one that has not been read yet is walked to.
     """
 
     uses_belief = False
@@ -109,6 +120,9 @@ class BeliefPolicy:
 
     Of the rocks not sampled whose belief is not below 1 − γ, the nearest (Manhattan distance, ties by number) is
     walked to and sampled when its belief exceeds γ, else checked. Without such rocks the robot moves right.
+
+    Where every step reads all rocks unasked, one that would be checked is walked to, as readings from near are better;
+    on its cell itself it is left alone until the belief decides.
     """
 
     memory = ("_sampled",)
@@ -158,18 +172,24 @@ def _accuracy_act(
     for e in range(len(visible)):
         if done[e]:
             continue
+        v, o = visible[e], observation[e]
         if checked[e] >= 0:
-            rocks[e, checked[e]] = GOOD if observation[e] == good else DISMISSED
+            rocks[e, checked[e]] = GOOD if good[o, checked[e]] else DISMISSED
             checked[e] = -1
-        v = visible[e]
+        if check < 0 and o >= 0:
+            for i in range(distance.shape[1]):
+                if rocks[e, i] != DISMISSED and accuracy[v, i] > threshold:
+                    rocks[e, i] = GOOD if good[o, i] else DISMISSED
         nearest = -1
         for i in range(distance.shape[1]):
             candidate = rocks[e, i] != DISMISSED and accuracy[v, i] > threshold
+            if check < 0 and rocks[e, i] == OPEN and distance[v, i] == 0:
+                candidate = False
             if candidate and (nearest < 0 or distance[v, i] < distance[v, nearest]):
                 nearest = i
         if nearest < 0:
             actions[e] = right
-        elif rocks[e, nearest] == OPEN:
+        elif rocks[e, nearest] == OPEN and check >= 0:
             actions[e] = check + nearest
             checked[e] = nearest
         else:
@@ -197,11 +217,13 @@ def _belief_act(
         nearest = -1
         for i in range(distance.shape[1]):
             candidate = not sampled[e, i] and marginals[e, columns[i]] >= 1.0 - threshold
+            if check < 0 and distance[v, i] == 0 and marginals[e, columns[i]] <= threshold:
+                candidate = False
             if candidate and (nearest < 0 or distance[v, i] < distance[v, nearest]):
                 nearest = i
         if nearest < 0:
             actions[e] = right
-        elif marginals[e, columns[nearest]] > threshold:
+        elif check < 0 or marginals[e, columns[nearest]] > threshold:
             actions[e] = toward[v, nearest]
             if actions[e] == sample:
                 sampled[e, nearest] = True

@@ -95,7 +95,7 @@ class ProgramPolicy:
 
 def _require_same_words(mine: Domain, other: Domain) -> None:
     """Compiled code finds actions, observations, beliefs and visible numbers by their index."""
-    for what in ("actions", "observations", "factor_labels", "visible_names"):
+    for what in ("actions", "observations", "factor_labels", "visible_names", "sensors"):
         if getattr(mine, what) != getattr(other, what):
             raise PolicyError(f"the program was compiled for {mine.name}, not for {other.name}: parse it again")
 

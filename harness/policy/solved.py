@@ -32,8 +32,8 @@ def make(domain: Domain, text: str) -> Policy:
 
 
 def _stored(domain: Domain) -> Solution:
-    path = registry.policy_path(domain.name, OWN)
-    if not path.exists():
+    path = registry.stored_policy(domain, OWN)
+    if path is None:
         raise PolicyError(
             f"no solution is stored for {domain.name}; solve it on the way ({OWN}:10s), or once (harness solve "
             f"{domain.name}) and name the file: graph:FILE or alpha:FILE"

@@ -30,7 +30,8 @@ class ThresholdsPolicy(Stateless):
        exit), because the robot comes by later anyhow.
     3. Belief at least ``accept``: walk to the target (column first, then row) and sample it.
     4. Else read it, if the sensor's accuracy (eq. 3) is at least ``ahead`` for a rock in a column ahead, ``aside``
-       for any other; if it is less, walk toward the rock.
+       for any other; if it is less, walk toward the rock. Where every step reads all rocks unasked, walk in any case;
+       on its cell itself a rock is then left alone until its belief is at least ``accept``.
 
     With ``ahead`` and ``aside`` above 0.98 a rock is read on the spot, where the reading is sure: this wins every good
     rock within the horizon, the most undiscounted; the discounted return wants readings from afar.
@@ -109,7 +110,7 @@ def _act(
         target, most = -1, 0.0
         for i in range(distance.shape[1]):
             belief = marginals[e, columns[i]]
-            if belief > reject:
+            if belief > reject and (check >= 0 or belief >= accept or distance[v, i] > 0):
                 steps = 1.0 + distance[v, i]
                 if belief < accept:
                     steps = 1.0 + belief * steps
@@ -118,7 +119,7 @@ def _act(
                     target, most = i, worth
         if target < 0:
             actions[e] = right
-        elif marginals[e, columns[target]] >= accept or accuracy[v, target] < needed[v, target]:
+        elif check < 0 or marginals[e, columns[target]] >= accept or accuracy[v, target] < needed[v, target]:
             actions[e] = toward[v, target]
         else:
             actions[e] = check + target

@@ -12,6 +12,7 @@ from harness.program.words import (
     ACT,
     AGAIN,
     AND,
+    AT,
     BELIEF,
     BELOW,
     ELSE,
@@ -108,11 +109,13 @@ def quantity(
         return float(marginals[e, line.arg])
     if line.op == VISIBLE:
         return float(visible_values[v, line.arg])
+    if line.op == AT:
+        return float(v)
     if line.op == REGISTER:
         return float(registers[e, line.arg])
     if observation < 0:
         return np.nan
-    return float(observation) if line.arg == 1 else float(numbers[observation])
+    return float(numbers[line.arg, observation])
 
 
 @lean

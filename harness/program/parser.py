@@ -9,24 +9,37 @@ import numpy as np
 
 from harness.errors import PolicyError, quoted
 from harness.program.compiled import Program
-from harness.program.words import ACT, AGAIN, AND, BELIEF, ELSE, IF, INSTRUCTION, NOT, OR, WHILE, Words, instruction
+from harness.program.words import (
+    ACT,
+    AGAIN,
+    AND,
+    BELIEF,
+    CALL,
+    ELSE,
+    IF,
+    INSTRUCTION,
+    KEYWORDS,
+    NOT,
+    OR,
+    WHILE,
+    Words,
+    instruction,
+)
 
 MAX_NESTING = 50
 """Blocks and parentheses inside one another; the interpreter keeps pending truth values in the bits of one integer."""
 
-_CALL = r"[A-Za-z_][\w-]*[ \t]*\([\d,\s]*\)"
-_TEST = rf"(?:{_CALL}|\d+)\s*(?:==|<|>)\s*(?:\d+(?:\.\d+)?|\"[^\"\n]*\"|'[^'\n]*'|[A-Za-z_]\w*)"
-_SIMPLE = rf"(?:if\s*\(\s*{_TEST}\s*\)\s*)?{_CALL}(?!\s*(?:==|<|>|else\b))"
+_TEST = rf"(?:{CALL}|\d+)\s*(?:==|<|>)\s*(?:\d+(?:\.\d+)?|\"[^\"\n]*\"|'[^'\n]*'|[A-Za-z_]\w*)"
+_SIMPLE = rf"(?:if\s*\(\s*{_TEST}\s*\)\s*)?{CALL}(?!\s*(?:==|<|>|else\b))"
 _TOKEN = re.compile(
-    rf"(?P<blank>\s+|#[^\n]*)|(?P<simple>{_SIMPLE})|(?P<atom>{_TEST}|{_CALL}|\d+)|(?P<mark>[(){{}}])"
+    rf"(?P<blank>\s+|#[^\n]*)|(?P<simple>{_SIMPLE})|(?P<atom>{_TEST}|{CALL}|\d+)|(?P<mark>[(){{}}])"
     r"|(?P<word>[A-Za-z_][\w-]*)"
 )
 """A whole operation, guarded by one test at most (``simple``), is one token: most programs are a list of these."""
 _STATEMENT = re.compile(rf"\s*{_SIMPLE}")
 _STATEMENTS = re.compile(rf"{_STATEMENT.pattern}|\s*\S[\s\S]*")
 """What is no such statement is taken with all after it, so that no place of it is looked at twice."""
-_PARTS = re.compile(rf"(?:if\s*\(\s*(?P<test>{_TEST})\s*\)\s*)?(?P<action>{_CALL})")
-_KEYWORDS = ("if", "else", "while", "and", "or", "not", "loop")
+_PARTS = re.compile(rf"(?:if\s*\(\s*(?P<test>{_TEST})\s*\)\s*)?(?P<action>{CALL})")
 
 
 class ProgramError(PolicyError):
@@ -290,7 +303,7 @@ class _Parser:
     def expected(self, what: str, token: _Token) -> NoReturn:
         found = token.text if token.kind == "end" else quoted(token.text)
         hint = ""
-        if token.kind not in (*_KEYWORDS, *"(){}", "atom", "simple", "end"):
+        if token.kind not in (*KEYWORDS, *"(){}", "atom", "simple", "end"):
             hint = f"; operations are written with parentheses, as in {next(iter(self.words.actions))}"
         self.fail(token.start, f"{what} is expected here, not {found}{hint}")
 

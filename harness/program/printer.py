@@ -9,6 +9,7 @@ from harness.model.tables import Records
 from harness.program.words import (
     ACT,
     AND,
+    AT,
     COMPARISONS,
     ELSE,
     IF,
@@ -19,6 +20,7 @@ from harness.program.words import (
     VISIBLE,
     WHILE,
     Words,
+    in_quotes,
 )
 
 
@@ -108,10 +110,15 @@ _SYMBOL = {compare: symbol for symbol, compare in COMPARISONS.items()}
 def _test(program: _Compiled, pc: int) -> str:
     words, line = program.words, program.code[pc]
     op, arg, value = int(line["op"]), int(line["arg"]), float(line["value"])
+    if op == AT:
+        return _spelling(words.places, arg)
     if op == REGISTER:
-        return f'{_spelling(words.checks, arg)} == "{_spelling(words.labels, int(value))}"'
-    if op == READING and arg == 1:
-        return f'{words.reading} == "{_spelling(words.labels, int(value))}"'
+        return f"{_spelling(words.checks, arg)} == {in_quotes(_spelling(words.labels, int(value)))}"
+    if op == READING and arg > 0:
+        sensor = arg in words.sensors.values()
+        labels = words.sensor_labels(arg) if sensor else words.labels
+        asked = _spelling(words.sensors, arg) if sensor else words.reading
+        return f"{asked} == {in_quotes(_spelling(labels, int(value)))}"
     left = {READING: lambda: words.reading, VISIBLE: lambda: _spelling(words.visible, arg)}.get(
         op, lambda: _spelling(words.beliefs, arg)
     )()

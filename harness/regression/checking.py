@@ -14,9 +14,10 @@ from harness.play import executor
 from harness.progress import Bar, Progress
 from harness.regression import scoring, stored
 from harness.regression.judging import Outcome, ScoreCheck, judge
-from harness.regression.rows import Row, StoredScore
+from harness.regression.rows import AnyScore, Row
 from harness.regression.scoring import Measurement, Task
 from harness.regression.stored import ScoreFile
+from harness.score.table import EXACT
 
 _T = TypeVar("_T")
 
@@ -25,8 +26,8 @@ _T = TypeVar("_T")
 class Move:
     """What an update did to a row's stored score."""
 
-    before: StoredScore | None
-    after: StoredScore | None
+    before: AnyScore | None
+    after: AnyScore | None
     """None: the row is no longer listed, its score was dropped."""
 
 
@@ -52,7 +53,7 @@ def check_scores(
 
     Args:
         path: the file.
-        exact: fail a row unless every episode comes out as stored.
+        exact: fail a row unless every episode, or the computed return, comes out as stored.
         seed: other episodes than those stored, which makes the comparison statistical.
         engine: ``tables``, ``julia`` or ``auto``, instead of what the rows say.
         allow_code: read and run the files that the rows name as domains and policies.
@@ -143,8 +144,9 @@ def _read(path: Path) -> ScoreFile:
 def _tasks(file: ScoreFile, allow_code: bool, seed: int | None = None, engine: str | None = None) -> list[Task]:
     tasks = []
     for row, line in zip(file.rows, file.lines, strict=True):
-        chosen = dataclasses.replace(row, seed=row.seed if seed is None else seed, engine=engine or row.engine)
-        tasks.append(_task(file.path, line, chosen, allow_code))
+        if row.how != EXACT:  # those play nothing
+            row = dataclasses.replace(row, seed=row.seed if seed is None else seed, engine=engine or row.engine)
+        tasks.append(_task(file.path, line, row, allow_code))
     return tasks
 
 
@@ -166,7 +168,7 @@ def _vanished(file: ScoreFile) -> tuple[Outcome, ...]:
     listed = {row.key for row in file.rows}
     reason = "a score is stored for it, but it is no longer listed; put it back, or run harness check --update"
     return tuple(
-        Outcome(Row(key[0], key[1], horizon=max(key[2], 1)), "vanished", "", reason=reason, line=line)
+        Outcome(Row(key[0], key[1], horizon=max(key[2], 1), how=key[3]), "vanished", "", reason=reason, line=line)
         for key, line in file.stored_lines.items()
         if key not in listed
     )

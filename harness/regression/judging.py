@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, cast
 
-from harness.regression.rows import Limits, Row, StoredScore
+from harness.regression import computing
+from harness.regression.rows import AnyScore, Limits, Row, StoredExact, StoredScore
 from harness.regression.scoring import Measurement
 from harness.regression.statistics import smallest_drop, welch
 from harness.score.paired import holm
@@ -26,11 +27,12 @@ class Outcome:
     row: Row
     verdict: Verdict
     level: str
-    """``exact``: every episode came out as stored; ``statistical``: by Welch's test; empty: nothing was compared."""
-    stored: StoredScore | None = None
-    fresh: StoredScore | None = None
+    """``exact``: every episode came out as stored, or expected returns were computed, if only as an ``interval``;
+    ``statistical``: by Welch's test; empty: nothing was compared."""
+    stored: AnyScore | None = None
+    fresh: AnyScore | None = None
     p: float = 1.0
-    """Of the one-sided test for a drop, corrected for the number of rows."""
+    """Of the one-sided test for a drop, corrected for the number of rows; 0 or 1 where nothing was sampled."""
     smallest_drop: float | None = None
     """The smallest true drop (return units) that the row's test catches with the power that the limits give.
 
@@ -90,23 +92,31 @@ def _p_value(measurement: Measurement, min_effect: float, gain: bool = False) ->
     if old is None or new is None:
         return 1.0
     before, after = (new, old) if gain else (old, new)
-    return welch(before.summary, after.summary, min_effect)
+    if isinstance(before, StoredScore) and isinstance(after, StoredScore):
+        return welch(before.summary, after.summary, min_effect)
+    assert isinstance(before, StoredExact)
+    assert isinstance(after, StoredExact)
+    return 0.0 if computing.drop(before, after) > min_effect else 1.0
 
 
 def _outcome(m: Measurement, p: float, gain: float, limits: Limits, family: int, exact: bool) -> Outcome:
     if m.fault is not None or m.stored is None or m.fresh is None:
         name, reason = m.fault or ("unscored", "")
         return Outcome(m.row, cast(Verdict, name), "", m.stored, reason=reason, seconds=m.seconds)
-    level = "exact" if m.equal else "statistical"
     verdict = _verdict(m.equal, p <= limits.false_alarm, gain <= limits.false_alarm, exact)
-    return Outcome(
-        m.row, verdict, level, m.stored, m.fresh, p, _catches(m.stored, m.fresh, limits, family), seconds=m.seconds
-    )
+    catches = _catches(m.stored, m.fresh, limits, family)
+    return Outcome(m.row, verdict, _level(m.fresh, m.equal), m.stored, m.fresh, p, catches, seconds=m.seconds)
 
 
-def _catches(stored: StoredScore, fresh: StoredScore, limits: Limits, family: int) -> float | None:
+def _level(fresh: AnyScore, equal: bool | None) -> str:
+    if isinstance(fresh, StoredExact):
+        return fresh.how
+    return "exact" if equal else "statistical"
+
+
+def _catches(stored: AnyScore, fresh: AnyScore, limits: Limits, family: int) -> float | None:
     sem = max(stored.sem, fresh.sem)
-    if sem == 0:
+    if sem == 0 or not isinstance(stored, StoredScore):
         return None
     return smallest_drop(
         sem,

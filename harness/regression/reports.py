@@ -10,7 +10,7 @@ from tabulate import tabulate
 
 from harness.regression.checking import Move
 from harness.regression.judging import Outcome, ScoreCheck
-from harness.regression.rows import Limits, StoredScore
+from harness.regression.rows import AnyScore, Limits, StoredExact
 from harness.regression.statistics import DROP, FALSE_ALARM, MIN_EFFECT
 
 _DOUBTFUL = 0.05  # as large as error rates are anywhere
@@ -55,7 +55,7 @@ def footnote(check: ScoreCheck) -> str:
         f"p ≤ {limits.false_alarm:g}, so that\nunchanged code fails at most once in {1 / limits.false_alarm:,.0f} "
         f"checks. catches: the smallest true drop that a test finds with probability\n{limits.power:g} "
         f"(empty where all returns are equal: any drop of them all is found)."
-        + "".join(f"\n{word}" for word in _words(limits))
+        + "".join(f"\n{word}" for word in [*_words(limits), *_on_exact(check)])
     )
 
 
@@ -69,21 +69,30 @@ def _words(limits: Limits) -> list[str]:
     return [word for word, needed in words.items() if needed]
 
 
+def _on_exact(check: ScoreCheck) -> list[str]:
+    if not any(isinstance(o.stored, StoredExact) for o in check.outcomes):
+        return []
+    return ["Without ±: expected returns, computed; they differ when more than rounding tells them apart."]
+
+
 def sentence(o: Outcome) -> str:
     """What became of a row, with its numbers, in one sentence."""
     who = f"{o.row.policy} on {o.row.domain}"
     if o.stored is None or o.fresh is None or o.change is None:
         return f"{who}: {o.reason}"
     moved = (
-        f"{_mean(o.stored)} → {_mean(o.fresh)} over {o.fresh.reference_episodes:,} episodes "
+        f"{_mean(o.stored)} → {_mean(o.fresh)} {_rests_on(o.fresh, 'over ')} "
         f"(discounted {_pair(o.stored.discounted_mean, o.fresh.discounted_mean, '.2f')}, "
         f"steps {_pair(o.stored.steps_mean, o.fresh.steps_mean, '.1f')}, "
         f"success {_pair(o.stored.success_rate, o.fresh.success_rate, '.1%')})"
     )
     if o.verdict == "worse":
-        return f"{who} got worse by {-o.change:.3g}, p = {o.p:.2g}: {moved}"
+        test = f", p = {o.p:.2g}" if o.level == "statistical" else ""
+        return f"{who} got worse by {-o.change:.3g}{test}: {moved}"
     if o.verdict == "better":
         return f"{who} got better by {o.change:.3g}: {moved}; keep it with harness check --update"
+    if isinstance(o.stored, StoredExact):
+        return f"{who}: its expected return is another: {moved}"
     if o.verdict == "differs" and (o.row.seed, o.row.episodes) != (o.stored.seed, o.stored.episodes):
         return (
             f"{who} cannot be compared exactly: the row says {o.row.episodes:,} episodes of seed {o.row.seed}, "
@@ -109,7 +118,7 @@ def _move(change: Move) -> str:
     if new is None:
         return f"{who}: {_mean(old)} dropped, no longer listed"
     if old is None:
-        return f"{who}: {_mean(new)} stored, {new.reference_episodes:,} episodes"
+        return f"{who}: {_mean(new)} stored, {_rests_on(new)}"
     if (old.domain_version, old.model_hash) != (new.domain_version, new.model_hash):
         return f"{who}: {_mean(old)} → {_mean(new)}, on another model of the domain: not comparable"
     error = math.hypot(old.sem, new.sem)
@@ -118,8 +127,12 @@ def _move(change: Move) -> str:
     return f"{who}: {_mean(old)} → {_mean(new)} ({size})"
 
 
-def _mean(score: StoredScore | None) -> str:
-    return "" if score is None else f"{score.mean:.2f} ± {score.sem:.2f}"
+def _mean(score: AnyScore | None) -> str:
+    return "" if score is None else score.text
+
+
+def _rests_on(score: AnyScore, before: str = "") -> str:
+    return "as computed" if isinstance(score, StoredExact) else f"{before}{score.reference_episodes:,} episodes"
 
 
 def _pair(old: float, new: float, form: str) -> str:

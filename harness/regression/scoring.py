@@ -15,12 +15,15 @@ from harness import engine as engines
 from harness import policy as policies
 from harness import registry
 from harness.errors import HarnessError
+from harness.expectation.acting import NotExact
 from harness.model import archive
 from harness.model.domain import Domain
 from harness.play.evaluation import Evaluation, evaluate, mean_and_sem
 from harness.policy import Policy
-from harness.regression.rows import Limits, Row, StoredScore
+from harness.regression import computing
+from harness.regression.rows import AnyScore, Limits, Row, StoredExact, StoredScore
 from harness.regression.statistics import episodes_needed
+from harness.score.table import EXACT
 
 PLANNED_FAMILY = 100
 """Stored scores get episodes enough for a list of so many rows, so that a new row leaves those of the others alone."""
@@ -45,11 +48,11 @@ class Measurement:
     """What playing a row gave, before it is judged."""
 
     row: Row
-    stored: StoredScore | None
-    fresh: StoredScore | None = None
+    stored: AnyScore | None
+    fresh: AnyScore | None = None
     """The score of now; None where it could not be compared with the stored one."""
     equal: bool | None = None
-    """Whether every episode came out as stored; None where other episodes were played."""
+    """Whether every episode, or the computed return, came out as stored; None where other episodes were played."""
     fault: tuple[str, str] | None = None
     """Verdict and reason, where there is nothing to compare."""
     seconds: float = 0.0
@@ -62,13 +65,14 @@ def task(row: Row, allow_code: bool = False) -> Task:
         HarnessError: the domain, the policy or the engine is unknown or cannot be used.
     """
     domain = registry.load_from_data(row.domain, allow_code).shaped("none")
-    engine = engines.choose(row.engine, domain)
     policy = policies.make_from_data(row.policy, domain, allow_code)[1]
-    return Task(dataclasses.replace(row, engine=engine), domain, policy)
+    if row.how != EXACT:
+        row = dataclasses.replace(row, engine=engines.choose(row.engine, domain))
+    return Task(row, domain, policy)
 
 
-def measure(task: Task, stored: StoredScore | None) -> Measurement:
-    """Play a row for a comparison with its stored score.
+def measure(task: Task, stored: AnyScore | None) -> Measurement:
+    """Play a row for a comparison with its stored score, or compute it.
 
     As many episodes as the stored score rests on: its figures must be theirs where they are the same episodes and come
     out the same, and equal numbers on both sides are what the test's error rate relies on.
@@ -80,6 +84,8 @@ def measure(task: Task, stored: StoredScore | None) -> Measurement:
         return Measurement(row, stored, fault=("incomparable", reason))
     if reason := _impossible(task.domain, stored):
         return Measurement(row, stored, fault=("damaged", reason))
+    if isinstance(stored, StoredExact):
+        return _computed(task, stored)
     fresh = _record(task, _play(task, stored.reference_episodes))
     seconds = time.perf_counter() - began
     if not np.isfinite([fresh.mean, fresh.sem]).all():
@@ -92,7 +98,17 @@ def measure(task: Task, stored: StoredScore | None) -> Measurement:
     return Measurement(row, stored, stored, True, seconds=seconds)
 
 
-def renew(task: Task, stored: StoredScore | None, limits: Limits) -> StoredScore:
+def _computed(task: Task, stored: StoredExact) -> Measurement:
+    row, began = task.row, time.perf_counter()
+    try:
+        fresh, rounding = computing.compute(row, task.domain, task.policy)
+    except NotExact as error:
+        return Measurement(row, stored, fault=("incomparable", str(error)))
+    same = computing.equal(stored, fresh, rounding)
+    return Measurement(row, stored, stored if same else fresh, same, seconds=time.perf_counter() - began)
+
+
+def renew(task: Task, stored: AnyScore | None, limits: Limits) -> AnyScore:
     """The score to store for a row: the stored one itself where every episode still comes out as stored.
 
     As many episodes as catch a drop of ``limits.drop``, but no fewer than the row's, and at most its ``most``.
@@ -101,12 +117,24 @@ def renew(task: Task, stored: StoredScore | None, limits: Limits) -> StoredScore
         HarnessError: the mean return is no finite number.
     """
     row = task.row
+    if row.how == EXACT:
+        return _renew_exact(task, stored)
     first = _play(task, row.episodes)
     count = _planned(row, first, limits)
     score = _record(task, first if count == row.episodes else _play(task, count))
     if not np.isfinite(score.mean):
         raise HarnessError(f"{row.policy} on {row.domain} has the mean return {score.mean}, which cannot be stored")
-    return stored if stored is not None and _holds(task, stored, score) else score
+    return stored if isinstance(stored, StoredScore) and _holds(task, stored, score) else score
+
+
+def _renew_exact(task: Task, stored: AnyScore | None) -> StoredExact:
+    try:
+        fresh, rounding = computing.compute(task.row, task.domain, task.policy)
+    except NotExact as error:
+        raise HarnessError(f"{task.row.policy} on {task.row.domain}: {error}") from None
+    if isinstance(stored, StoredExact) and not _incomparable(task.domain, stored):
+        return stored if computing.equal(stored, fresh, rounding) else fresh
+    return fresh
 
 
 def _planned(row: Row, first: Evaluation, limits: Limits) -> int:
@@ -132,7 +160,7 @@ def _other_figure(stored: StoredScore, fresh: StoredScore) -> str:
     return ""
 
 
-def _impossible(domain: Domain, stored: StoredScore) -> str:
+def _impossible(domain: Domain, stored: AnyScore) -> str:
     """What no score on the domain can be; empty where all can.
 
     A return lies between ``horizon`` times the least and the greatest reward, 0 included (an ended episode pays
@@ -140,15 +168,15 @@ def _impossible(domain: Domain, stored: StoredScore) -> str:
     """
     rewards = domain.arrays["outcome_reward"][0]  # the true one
     least, most = (stored.horizon * x for x in (min(0.0, float(rewards.min())), max(0.0, float(rewards.max()))))
-    widest = (most - least) / 2 / math.sqrt(stored.reference_episodes - 1) * (1 + _LAST_BITS)
     bounds = {
         "mean": (least, most),
         "discounted_mean": (least, most),
-        "sem": (0.0, widest),
-        "discounted_sem": (0.0, widest),
         "steps_mean": (0.0, stored.horizon),
-        "success_rate": (0.0, 1.0),
+        "success_rate": (0.0, 1.0 + _LAST_BITS),
     }
+    if isinstance(stored, StoredScore):
+        widest = (most - least) / 2 / math.sqrt(stored.reference_episodes - 1) * (1 + _LAST_BITS)
+        bounds |= {"sem": (0.0, widest), "discounted_sem": (0.0, widest)}
     for name, (low, high) in bounds.items():
         value = getattr(stored, name)
         if not low <= value <= high:
@@ -163,7 +191,7 @@ def _same_episodes(row: Row, stored: StoredScore) -> bool:
     return (row.seed, row.episodes) == (stored.seed, stored.episodes)
 
 
-def _incomparable(domain: Domain, stored: StoredScore) -> str:
+def _incomparable(domain: Domain, stored: AnyScore) -> str:
     """Why scores on the domain as it is now cannot be compared with the stored one; empty where they can."""
     mend = "scores on the two are not comparable; run harness check --update"
     if domain.version != stored.domain_version:

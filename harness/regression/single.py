@@ -14,8 +14,9 @@ from harness.model.domain import Domain
 from harness.policy import Policy
 from harness.regression import reports, scoring, stored
 from harness.regression.judging import Outcome, judge
-from harness.regression.rows import Limits, Row, StoredScore, from_table
+from harness.regression.rows import AnyScore, Limits, Row, from_table
 from harness.regression.scoring import Measurement, Task
+from harness.score.table import EXACT, SAMPLED
 
 
 def task(
@@ -27,6 +28,7 @@ def task(
     horizon: int,
     engine: str,
     max_episodes: int | None,
+    how: str = SAMPLED,
 ) -> Task:
     """A policy on a domain, either of which may be an object, and how it is scored.
 
@@ -35,8 +37,8 @@ def task(
     """
     loaded = (registry.load(domain) if isinstance(domain, str) else domain).shaped("none")
     name, made = policies.named(policy, loaded)
-    chosen = engines.choose(engine, loaded)
-    return Task(Row(loaded.name, name, episodes, seed, horizon, chosen, max_episodes), loaded, made)
+    chosen = engine if how == EXACT else engines.choose(engine, loaded)
+    return Task(Row(loaded.name, name, episodes, seed, horizon, chosen, max_episodes, how), loaded, made)
 
 
 def check(path: Path, task: Task, limits: Mapping[str, float], *, exact: bool, renew: bool) -> str | None:
@@ -73,7 +75,9 @@ def _only(file: stored.ScoreFile, row: Row) -> Measurement:
     if row.key in file.damaged:
         return Measurement(row, None, fault=("damaged", f"{file.damaged[row.key]}; {mend}"))
     if found != [row.key]:
-        kept = ", ".join(f"{policy} on {domain}, horizon {horizon}" for domain, policy, horizon in found) or "nothing"
+        kept = (
+            ", ".join(f"{policy} on {domain}, horizon {horizon}" for domain, policy, horizon, _ in found) or "nothing"
+        )
         return Measurement(row, None, fault=("vanished", f"no score of it is stored, but {kept}; {mend}"))
     return Measurement(row, file.stored[row.key])
 
@@ -88,10 +92,9 @@ def _message(path: Path, outcome: Outcome) -> str:
     )
 
 
-def _side_by_side(expected: StoredScore | None, obtained: StoredScore) -> str:
-    names = ("mean", "sem", "discounted_mean", "discounted_sem", "steps_mean", "success_rate", "reference_episodes")
+def _side_by_side(expected: AnyScore | None, obtained: AnyScore) -> str:
     lines = []
-    for name in names:
+    for name in obtained.SHOWN:
         new = getattr(obtained, name)
         old = None if expected is None else getattr(expected, name)
         lines.append([name, f"{new:g}", "" if old is None else f"{old:g}", "" if old is None else f"{new - old:+g}"])

@@ -16,7 +16,8 @@ from typing import Any, TypeVar
 
 from harness import files
 from harness.errors import HarnessError, nearest, quoted
-from harness.regression.rows import FieldFault, Key, Limits, Row, StoredScore, from_table
+from harness.regression.rows import AnyScore, FieldFault, Key, Limits, Row, StoredExact, StoredScore, from_table
+from harness.score.table import EXACT, SAMPLED
 
 SECTIONS = ("check", "score", "stored")
 NOTE = "# Stored scores, written by `harness check --update` and by nobody's hand."
@@ -33,7 +34,7 @@ class ScoreFile:
     lines: tuple[int, ...] = ()
     """Line in the file of each row."""
     limits: Limits = field(default_factory=Limits)
-    stored: dict[Key, StoredScore] = field(default_factory=dict)
+    stored: dict[Key, AnyScore] = field(default_factory=dict)
     damaged: dict[Key, str] = field(default_factory=dict)
     """Stored scores that cannot be used, each with what is wrong with it."""
     stored_lines: dict[Key, int] = field(default_factory=dict)
@@ -85,20 +86,19 @@ class _Reader:
             seen[row.key] = line
         return ScoreFile(self.path, rows, lines, limits, *self._stored())
 
-    def _stored(self) -> tuple[dict[Key, StoredScore], dict[Key, str], dict[Key, int]]:
-        stored: dict[Key, StoredScore] = {}
+    def _stored(self) -> tuple[dict[Key, AnyScore], dict[Key, str], dict[Key, int]]:
+        stored: dict[Key, AnyScore] = {}
         damaged: dict[Key, str] = {}
         lines: dict[Key, int] = {}
         for i, table in enumerate(self._list("stored")):
-            horizon = table.get("horizon")
-            key = (str(table.get("domain")), str(table.get("policy")), horizon if isinstance(horizon, int) else 0)
+            key = _key(table)
             line = self.line("stored", i)
             if key in lines:
                 damaged[key] = f"two scores are stored for it, in lines {lines[key]} and {line}"
                 continue
             lines[key] = line
             try:
-                stored[key] = from_table(StoredScore, table)
+                stored[key] = from_table(StoredExact, table) if key[3] == EXACT else from_table(StoredScore, table)
             except FieldFault as fault:
                 damaged[key] = f"its stored score in line {line} cannot be used: {fault}"
         return stored, damaged, lines
@@ -133,7 +133,14 @@ class _Reader:
         return next(hits, start)
 
 
-def write(path: Path, scores: Iterable[StoredScore]) -> None:
+def _key(table: dict[str, Any]) -> Key:
+    """What a stored score belongs to, even where it is damaged."""
+    horizon = table.get("horizon")
+    how = EXACT if "how" in table else SAMPLED
+    return str(table.get("domain")), str(table.get("policy")), horizon if isinstance(horizon, int) else 0, how
+
+
+def write(path: Path, scores: Iterable[AnyScore]) -> None:
     """Write the stored scores into a file of scores, atomically; all else in it stays as it is.
 
     Raises:
@@ -145,7 +152,7 @@ def write(path: Path, scores: Iterable[StoredScore]) -> None:
     files.replace_text(path, f"{head}{NOTE}\n\n{blocks}")
 
 
-def _block(score: StoredScore) -> str:
+def _block(score: AnyScore) -> str:
     """JSON's texts and numbers are TOML's too, as long as they are finite."""
     values = dataclasses.asdict(score).items()
     return "[[stored]]\n" + "".join(f"{key} = {json.dumps(value, allow_nan=False)}\n" for key, value in values)

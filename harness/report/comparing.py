@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import pandas as pd
 
+from harness.errors import HarnessError
 from harness.report import bars
-from harness.report.inputs import Table
+from harness.report.inputs import Domains, Table
 from harness.report.markup import caption_of, escape, note, plain_table, scrolled
 from harness.report.replays import Wanted
 from harness.score import rendering
+from harness.score.aggregation import coverage
 
 _KEYS = {  # what a column is sorted by
     "policy": "policy",
@@ -20,6 +22,20 @@ _KEYS = {  # what a column is sorted by
     "success": "success_rate",
     "episodes": "episodes",
 }
+
+
+DOMAINS = "Over all domains"
+"""The heading of the section of several domains together."""
+
+
+def domains_body(table: Domains) -> str:
+    """What every policy earns of what there is, over the domains that it plays."""
+    try:
+        cells = rendering.covered(coverage(table.frame))
+    except HarnessError as reason:
+        return note(f"No figures over the domains: {reason}.")
+    body = plain_table("Share of the optimum", [str(name) for name in cells], cells.to_numpy().tolist())
+    return body + note(rendering.COVERED)
 
 
 def title(table: Table) -> str:

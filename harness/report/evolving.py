@@ -13,7 +13,7 @@ from harness.ge.results import quartiles
 from harness.report import charts
 from harness.report.charts import Chart, Series
 from harness.report.inputs import Run, Runs
-from harness.report.markup import details, facts, listed, note, plain_table, plus_minus
+from harness.report.markup import details, escape, facts, listed, note, plain_table, plus_minus
 from harness.report.programs import changes, difference, listing
 from harness.report.replays import Wanted
 
@@ -35,6 +35,8 @@ def body(found: Run | Runs) -> str:
             _unfinished([found])
             + _curve(found)
             + _winner(found, "Best program")
+            + _acts(found)
+            + _front(found)
             + _finalists(found)
             + _improvements(found)
         )
@@ -45,6 +47,8 @@ def body(found: Run | Runs) -> str:
             _curves(found),
             _scores(done) if done else "",
             _winner(best_of(found), f"Best program: of {best_of(found).name}"),
+            _acts(best_of(found)),
+            _front(best_of(found)),
             _improvements(best_of(found)),
             *(details(f"Program of {run.name}", _program(run)) for run in found.runs if run is not best_of(found)),
         ]
@@ -181,6 +185,36 @@ def _provenance(run: Run) -> dict[str, object]:
         "git revision": config.get("git"),
         "date": config.get("date"),
     }
+
+
+def _acts(run: Run) -> str:
+    """The winner and its simplified twin, with how often each line acts."""
+    if run.acts is None:
+        return ""
+    titles = {"best": "Which of its lines act how often", "simplified": "Without what changes nothing"}
+    parts = []
+    for name, title in titles.items():
+        lines = run.acts[run.acts["program"] == name]
+        counted = zip(lines["acts"], lines["line"], strict=True)
+        shown = "\n".join(f"{f'{often:.2f}' if often else '':>7}  {escape(line)}" for often, line in counted)
+        parts.append(details(f"{title}: {len(lines)} lines", f'<pre tabindex="0"><code>{shown}</code></pre>'))
+    return "".join(parts) + note("Before each line: how often it acts in an episode, the mean of 1,000.")
+
+
+def _front(run: Run) -> str:
+    """The best of so many statements or fewer."""
+    if run.front is None:
+        return ""
+    rows = [[row.length, f"{row.validation:.2f}", f"{row.validation_sem:.2f}"] for row in run.front.itertuples()]
+    table = plain_table(
+        "The best of so many statements or fewer, on episodes that no generation has seen",
+        ["statements", "earns", "± s.e."],
+        rows,
+    )
+    return table + "".join(
+        details(f"{row.length} statements: {row.validation:.2f}", listing(str(row.program)))
+        for row in run.front.itertuples()
+    )
 
 
 def _finalists(run: Run) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from harness.errors import HarnessError, quoted
-from harness.ge import improvements, results
+from harness.ge import entries, improvements, results
 from harness.ge.folder import RunFolder
 from harness.ge.parameters import from_record
 from harness.ge.runs import folders_of
@@ -31,6 +31,14 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Domains:
+    """A comparison table of several domains, of which each has a :class:`Table` too."""
+
+    name: str
+    frame: pd.DataFrame
+
+
+@dataclass(frozen=True)
 class Run:
     """One run of evolution, finished or not."""
 
@@ -44,6 +52,10 @@ class Run:
     finalists: pd.DataFrame | None
     improvements: Sequence[Mapping[str, Any]]
     """How it came about (:mod:`harness.ge.improvements`)."""
+    front: pd.DataFrame | None = None
+    """The best of so many statements or fewer (:mod:`harness.ge.front`)."""
+    acts: pd.DataFrame | None = None
+    """How often the lines of the winner and of its simplified twin act (:func:`harness.ge.simplifying.acts`)."""
 
     @property
     def seed(self) -> int:
@@ -78,11 +90,11 @@ class Sweep:
     frame: pd.DataFrame
 
 
-Input = Table | Run | Runs | Tuning | Sweep
+Input = Domains | Table | Run | Runs | Tuning | Sweep
 
 
 def read(path: Path) -> list[Input]:
-    """What lies at a path; a comparison of several domains is one table for each.
+    """What lies at a path; a comparison of several domains is one table of them all, and one for each.
 
     Raises:
         HarnessError: there is nothing, nothing known, or something damaged; the message names it.
@@ -94,7 +106,8 @@ def read(path: Path) -> list[Input]:
         raise HarnessError(f"{path}: no such file or folder; expected {records.EXPECTED}")
     frame = records.table(path)
     if set(COLUMNS) <= set(frame.columns):
-        return [Table(name, part.reset_index(drop=True)) for part in _comparisons(frame, path)]
+        tables = [Table(name, part.reset_index(drop=True)) for part in _comparisons(frame, path)]
+        return [*([Domains(name, pd.concat([t.frame for t in tables]))] if len(tables) > 1 else []), *tables]
     if _is_sweep(frame):
         return [Sweep(name, _sweep(frame, path))]
     raise records.unknown(path)
@@ -157,8 +170,10 @@ def _run(path: Path, name: str) -> Run:
         _history(path, ["generation", "best", "test", "test_sem"], list(results.COLUMNS)),
         best,
         "\n".join(best["program"]) if best else records.text(text).rstrip() if text.exists() else "",
-        _finalists(path / "finalists.csv"),
-        improvements.read(path),
+        _programs(path / "finalists.csv", ["fitness", "validation", "validation_sem", "length"], ["program"]),
+        entries.read(improvements.KIND, path),
+        _programs(path / "front.csv", ["length", "validation", "validation_sem"], ["program"]),
+        _programs(path / "acts.csv", ["acts"], ["program", "line"]),
     )
 
 
@@ -186,12 +201,16 @@ def _best(path: Path) -> dict[str, Any] | None:
     return best
 
 
-def _finalists(path: Path) -> pd.DataFrame | None:
+def _programs(path: Path, numbers: Sequence[str], texts: Sequence[str]) -> pd.DataFrame | None:
+    """A table of programs, or of their lines; None where the run has not come to it, or is of an older version."""
     if not path.exists():
         return None
-    return records.numeric(
-        records.table(path), path, [], complete=["fitness", "validation", "validation_sem", "length"]
-    )
+    frame = records.numeric(records.table(path), path, [], complete=numbers)
+    for name in texts:
+        if name not in frame:
+            raise HarnessError(f"{path}: there is no column {name}; write the file again")
+        records.check_texts(frame[name], path, name)
+    return frame
 
 
 def _tuning(path: Path, name: str) -> Tuning:

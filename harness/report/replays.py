@@ -111,12 +111,13 @@ def _described(domain: Domain) -> dict[str, Any]:
         "name": domain.name,
         "actions": domain.actions,
         "observations": domain.observations,
+        "sensors": [sensor.labels for sensor in domain.sensors],
         "discount": domain.discount,
         "visible": domain.visible_names,
         "factors": domain.factors,
         "layout": dict(sorted(domain.layout.items())),
         "features": [_label(domain, i) for i in range(len(domain.features))],
-        "cells": [_cell(domain.factor_labels[k][x]) for _, k, x in domain.features],
+        "cells": [_cell(domain, k, x) for _, k, x in domain.features],
         "many": show.MANY_FEATURES,
     }
 
@@ -126,9 +127,11 @@ def _label(domain: Domain, i: int) -> str:
     return domain.factors[domain.features[i][1]] if domain.layout["kind"] == "rocksample" else show.label(domain, i)
 
 
-def _cell(label: str) -> list[int] | None:
-    """``(4, 1)`` as row and column."""
-    parts = label.strip("()").split(",")
+def _cell(domain: Domain, factor: int, value: int) -> list[int] | None:
+    """Row and column that a value stands for: by the layout, or as its label says them, ``(4, 1)``."""
+    if placed := domain.layout.get("hidden_cells"):
+        return list(reversed(placed[value]))
+    parts = domain.factor_labels[factor][value].strip("()").split(",")
     return (
         [int(part) for part in parts] if len(parts) == 2 and all(part.strip().isdecimal() for part in parts) else None
     )

@@ -81,6 +81,8 @@ def _section(found: Input, domains: Domains, episodes: int, seed: int | None) ->
 
 def _parts(found: Input, seed: int | None) -> tuple[str, str, list[Wanted]]:
     """Heading, HTML, and the policies to be replayed."""
+    if isinstance(found, inputs.Domains):
+        return comparing.DOMAINS, comparing.domains_body(found), []
     if isinstance(found, Table):
         return comparing.title(found), comparing.body(found), comparing.wanted(found, seed)
     if isinstance(found, Tuning):

@@ -23,7 +23,7 @@ def optimum(domain: Domain) -> Bounds | None:
     Raises:
         SnapshotError: the file is damaged or belongs to another model.
     """
-    return _proven(domain) if registry.policy_path(domain.name, solution.OWN).exists() else None
+    return _proven(domain) if registry.stored_policy(domain, solution.OWN) else None
 
 
 def of_policy(policy: Policy | None) -> Bounds | None:
@@ -34,7 +34,7 @@ def of_policy(policy: Policy | None) -> Bounds | None:
 def default(domain: Domain) -> list[str]:
     """The bound that a domain's table ends with: the closest one there is."""
     words = {OPTIMUM: solution.OWN, MDP: MDP}
-    return [name for name in NAMES if registry.policy_path(domain.name, words[name]).exists()][:1]
+    return [name for name in NAMES if registry.stored_policy(domain, words[name])][:1]
 
 
 def cells(domain: Domain, name: str, horizon: int) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def cells(domain: Domain, name: str, horizon: int) -> dict[str, Any]:
     """
     if name == MDP:
         return _everything_observed(domain, horizon)
-    known, proven = registry.policy_path(domain.name, MDP).exists(), _proven(domain)
+    known, proven = registry.stored_policy(domain, MDP), _proven(domain)
     mean = _everything_observed(domain, horizon)["mean"] if known else None
     return {"mean": mean, "discounted_mean": None if proven is None else proven.high}
 

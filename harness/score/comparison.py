@@ -67,7 +67,7 @@ def compare(
     if exact and against is not None:
         raise HarnessError("exact rows have no episodes to compare one by one: leave out exact, or against")
     settings = _Settings(episodes, seed, horizon, workers, exact, progress)
-    entries = [entry for each in _domains(domain) for entry in _entries(each, policies, against, engine)]
+    entries = [entry for each in domains_of(domain) for entry in entries_of(each, policies, against, engine)]
     _check(entries, settings, keep=against is not None)
     rows: list[_Row] = []
     try:
@@ -97,7 +97,7 @@ class _Settings(NamedTuple):
     progress: Progress
 
 
-class _Entry(NamedTuple):
+class Entry(NamedTuple):
     """A row to be."""
 
     domain: Domain
@@ -112,13 +112,18 @@ class _Entry(NamedTuple):
 
 
 class _Row(NamedTuple):
-    entry: _Entry
+    entry: Entry
     cells: dict[str, Any]
     result: Evaluation | None
     """None for the bound, and where nothing asks for single episodes."""
 
 
-def _domains(given: Domain | str | Sequence[Domain | str]) -> list[Domain]:
+def domains_of(given: Domain | str | Sequence[Domain | str]) -> list[Domain]:
+    """The domains, each once, with their true reward.
+
+    Raises:
+        HarnessError: there is no such domain, none at all, or one twice.
+    """
     found = [each if isinstance(each, Domain) else registry.load(each) for each in _several(given)]
     names = [each.name for each in found]
     if not names:
@@ -133,8 +138,12 @@ def _several(given: Any) -> list[Any]:
     return [given] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
 
 
-def _entries(domain: Domain, policies: Any, against: str | Policy | None, engine: str) -> list[_Entry]:
-    """The rows of one domain, all checked."""
+def entries_of(domain: Domain, policies: Any, against: str | Policy | None, engine: str) -> list[Entry]:
+    """The rows of one domain to be, all checked; arguments are those of :func:`compare`.
+
+    Raises:
+        HarnessError: something in the arguments is wrong.
+    """
     engine = engines.choose(engine, domain)
     made = _named(policies, domain, engine)
     if not made:
@@ -142,7 +151,7 @@ def _entries(domain: Domain, policies: Any, against: str | Policy | None, engine
     reference = None if against is None else _position(against, made, domain, engine)
     known = bounds.optimum(domain)
     return [
-        _Entry(domain, engine, name, policy, k == reference, known or bounds.of_policy(policy))
+        Entry(domain, engine, name, policy, k == reference, known or bounds.of_policy(policy))
         for k, (name, policy) in enumerate(made)
     ]
 
@@ -181,17 +190,17 @@ def _position(against: str | Policy, made: list[tuple[str, Policy | None]], doma
     return position
 
 
-def _row(entry: _Entry, settings: _Settings, *, keep: bool) -> _Row:
+def _row(entry: Entry, settings: _Settings, *, keep: bool) -> _Row:
     """A row played; ``keep`` the single episodes."""
     if entry.policy is None:
-        return _Row(entry, _bound_cells(entry, settings.horizon), None)
+        return _Row(entry, bound_cells(entry, settings.horizon), None)
     if settings.exact and (cells := _exact_cells(entry, entry.policy, settings)):
         return _Row(entry, cells, None)
     result = _played(entry, entry.policy, settings)
-    return _Row(entry, _cells(entry, result), result if keep else None)
+    return _Row(entry, played_cells(entry, result), result if keep else None)
 
 
-def _exact_cells(entry: _Entry, policy: Policy, settings: _Settings) -> dict[str, Any] | None:
+def _exact_cells(entry: Entry, policy: Policy, settings: _Settings) -> dict[str, Any] | None:
     """A row computed; None where it can only be sampled."""
     try:
         found = expected_return(entry.domain, policy, horizon=settings.horizon, progress=settings.progress is True)
@@ -220,7 +229,7 @@ def _exact_cells(entry: _Entry, policy: Policy, settings: _Settings) -> dict[str
     }
 
 
-def _played(entry: _Entry, policy: Policy, settings: _Settings) -> Evaluation:
+def _played(entry: Entry, policy: Policy, settings: _Settings) -> Evaluation:
     count = _episodes(settings.episodes, policy)
     with Bar(settings.progress, count, desc=entry.name, unit="episode", delay=2) as bar:
         return evaluate(
@@ -239,7 +248,7 @@ def _episodes(given: int | None, policy: Policy) -> int:
     return min(EPISODES, whole(policy, "max_episodes", EPISODES)) if given is None else given
 
 
-def _check(entries: list[_Entry], settings: _Settings, *, keep: bool) -> None:
+def _check(entries: list[Entry], settings: _Settings, *, keep: bool) -> None:
     """Check, before anything is played, the numbers and the memory of all rows together."""
     counts = [_episodes(settings.episodes, entry.policy) for entry in entries if entry.policy is not None]
     for count in counts:
@@ -249,7 +258,8 @@ def _check(entries: list[_Entry], settings: _Settings, *, keep: bool) -> None:
         host.check_memory(f"to compare {len(counts)} policies episode by episode", sum(counts) * KEPT)
 
 
-def _cells(entry: _Entry, result: Evaluation) -> dict[str, Any]:
+def played_cells(entry: Entry, result: Evaluation) -> dict[str, Any]:
+    """The row of a policy that was played, by its columns."""
     return {
         **_origin(entry),
         "kind": "policy",
@@ -277,7 +287,8 @@ def _sampled(score: Score) -> dict[str, Any]:
     return {HOW: SAMPLED, "discounted_low": low, "discounted_high": high}
 
 
-def _bound_cells(entry: _Entry, horizon: int) -> dict[str, Any]:
+def bound_cells(entry: Entry, horizon: int) -> dict[str, Any]:
+    """The row of a bound, by its columns."""
     return {
         **_origin(entry),
         "kind": "upper bound",
@@ -286,18 +297,18 @@ def _bound_cells(entry: _Entry, horizon: int) -> dict[str, Any]:
     }
 
 
-def _origin(entry: _Entry) -> dict[str, Any]:
+def _origin(entry: Entry) -> dict[str, Any]:
     return {"domain": entry.domain.name, "domain_version": entry.domain.version, "policy": entry.name}
 
 
-def _reference(entry: _Entry, horizon: int) -> dict[str, Any] | None:
+def _reference(entry: Entry, horizon: int) -> dict[str, Any] | None:
     found = published.reference(entry.domain.name, entry.name, horizon)
-    if found is None:
+    if found is None or not registry.ships(entry.domain):
         return None
     return {"discounted_mean": found.value, "error": found.error, "source": found.source}
 
 
-def _table(rows: list[_Row], entries: list[_Entry], exact: bool) -> Table:
+def _table(rows: list[_Row], entries: list[Entry], exact: bool) -> Table:
     """The rows finished, of all that were to be."""
     cells = [row.cells | more for row, more in zip(rows, _differences(rows, entries), strict=True)]
     compared = any(entry.reference for entry in entries)
@@ -306,7 +317,7 @@ def _table(rows: list[_Row], entries: list[_Entry], exact: bool) -> Table:
     return Table(cells, columns=[*COLUMNS, *more])
 
 
-def _differences(rows: list[_Row], entries: list[_Entry]) -> list[dict[str, Any]]:
+def _differences(rows: list[_Row], entries: list[Entry]) -> list[dict[str, Any]]:
     """The cells of :data:`DIFFERENCES` for every row; none for the reference itself and for bounds."""
     references = {row.entry.domain.name: row for row in rows if row.entry.reference}
     found = [_pair(row, references.get(row.entry.domain.name)) for row in rows]

@@ -28,6 +28,11 @@ _EXACTNESS = """exact: expected returns, computed and not sampled (harness.exact
 lie between, where not all situations could be expanded."""
 _OVERALL = """Over all domains, each scaled so that random-legal is 0 and the upper bound 1; in brackets 95 % intervals
 (bootstrap of the episodes, stratified by domain):"""
+COVERED = """Discounted returns over the domains that each policy plays. of optimum: share of the optimal value; scaled:
+random-legal is 0 and the optimal value 1; middle half: without the best and the worst quarter of the domains. A figure
+is what is proven at least, by the upper bound of the optimum; in brackets 95 % intervals (bootstrap of the episodes,
+stratified by domain) that reach up to what its lower bound gives. "of 3": of so many domains only; the others have no
+bounds, or no optimum above 0."""
 
 
 def render(table: pd.DataFrame, format: str = "table") -> str:
@@ -203,6 +208,26 @@ def overall(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(cells)
 
 
+def covered(table: pd.DataFrame) -> pd.DataFrame:
+    """The cells of :func:`~harness.score.aggregation.coverage` as text for people.
+
+    Means of the middle half are shown where there are four domains and more: of fewer they are the means. The scale is
+    shown where it is of more domains than the share, which an optimum below 0 has none of.
+    """
+    cells: dict[str, Any] = {"policy": table["policy"], "domains": table["played"].map(str)}
+    measures = {"share": "of optimum", "scale": "scaled"}
+    if (table["scale_domains"] <= table["share_domains"]).all():
+        del measures["scale"]
+    for measure, title in measures.items():
+        cells[title] = _intervals(table, f"{measure}_mean")
+        if (table[f"{measure}_domains"] > 3).any():
+            cells[f"{title}, middle half"] = _intervals(table, f"{measure}_iqm")
+        partly = table[f"{measure}_domains"] < table["played"]
+        of = [f" of {count}" if part else "" for count, part in zip(table[f"{measure}_domains"], partly, strict=True)]
+        cells[title] = [text + more if text else "" for text, more in zip(cells[title], of, strict=True)]
+    return pd.DataFrame(cells)
+
+
 def _intervals(table: pd.DataFrame, name: str) -> list[str]:
     values = zip(table[name], table[f"{name}_low"], table[f"{name}_high"], strict=True)
     return ["" if pd.isna(value) else f"{value:.3f} [{low:.3f}, {high:.3f}]" for value, low, high in values]
@@ -241,7 +266,7 @@ def footnote(table: pd.DataFrame) -> str:
     lines += _details(table)
     first = table.iloc[0]
     others = published.not_run_here(first["domain"], table["policy"].tolist(), first["horizon"])
-    if others:
+    if others and first["domain_version"]:  # 0: a user's model, which may bear the name of one of ours
         figures = ", ".join(f"{p.method} {_plus_minus(p.value, p.error)}" for p in others)
         lines.append(f"Published, not run here (discounted): {figures}.")
     return "\n".join(lines)

@@ -22,6 +22,7 @@ from harness.play.evaluation import HORIZON, Z95, check_played, simulate
 from harness.policy import Policy
 from harness.score.table import by_domain, check_columns
 from harness.show.drawing import LINE, SECOND, axes_or_new, blank, cells, plain
+from harness.show.replay import hidden_places
 
 _ROBOTS = (LINE, SECOND)
 _READINGS = {"good": "#2e7d32", "bad": "#c62828"}
@@ -32,7 +33,7 @@ Cell = tuple[float, float]
 
 
 def draw_layout(domain: Domain | str, axes: Axes | None = None) -> Axes:
-    """Draw a domain's grid: the robots where episodes start, the rocks by number, the wall, the exit.
+    """Draw a domain's grid: the robots where episodes start, if that is one place; rocks by number, walls, the exit.
 
     Args:
         domain: a domain or its name.
@@ -43,8 +44,9 @@ def draw_layout(domain: Domain | str, axes: Axes | None = None) -> Axes:
     """
     domain, axes = _domain_and_axes(domain, axes)
     _draw_grid(domain, axes)
-    for values in domain.visible_values[np.unique(domain.arrays["start_visible"])]:
-        for robot, cell in _robots(domain, values).items():
+    starts = np.unique(domain.arrays["start_visible"])
+    if len(starts) == 1:
+        for robot, cell in _robots(domain, domain.visible_values[starts[0]]).items():
             _draw_robot(axes, robot, cell)
     axes.set_title(domain.name)
     return axes
@@ -59,6 +61,7 @@ def state_image(batch: Batch) -> NDArray[np.uint8]:
     figure = blank(6.4, 4.2)
     grid, bars = figure.subplots(1, 2, width_ratios=(3, 1))
     _draw_grid(domain, grid)
+    _draw_hidden(domain, grid, batch.features[0])
     for robot, cell in _robots_now(batch, {}).items():
         _draw_robot(grid, robot, cell)
     bars.barh(range(len(domain.features)), batch.features[0], color="#9db7d1")
@@ -81,6 +84,8 @@ def draw_episode(
 ) -> Axes:
     """Draw one episode on the grid: the ways of the robots, what was read of rocks, and the reward won in each cell.
 
+    Where something hidden may be, a cell is coloured by the belief of that, as the policy that has one left it.
+
     The episode is the one that ``compare`` and ``evaluate`` play under the same seed and number; its rewards are of the
     domain's shaping.
 
@@ -99,6 +104,7 @@ def draw_episode(
     domain, axes = _domain_and_axes(domain, axes)
     name, frames = _play(domain, policy, seed, episode, horizon, engine)
     _draw_grid(domain, axes)
+    _draw_hidden(domain, axes, np.nan_to_num(frames[-1].features))
     for robot in frames[0].robots:
         way = np.array([frame.robots[robot] for frame in frames if robot in frame.robots])
         # A way that comes back to a cell is drawn beside itself: it drifts by a third of a cell in all.
@@ -250,19 +256,26 @@ def _domain_and_axes(domain: Domain | str, axes: Axes | None) -> tuple[Domain, A
 
 def _draw_grid(domain: Domain, axes: Axes) -> None:
     layout = domain.layout
-    rows, exit_column = layout["rows"], layout["exit_column"]
-    bands = {exit_column: "#e3f1e3"}
-    if "wall_column" in layout:
-        bands[layout["wall_column"]] = "0.6"
-    for column, colour in bands.items():
-        axes.add_patch(Rectangle((column - 0.5, 0.5), 1, rows, color=colour, zorder=0))
+    rows, columns = layout["rows"], layout.get("exit_column", layout["columns"])
+    for name, colour in (("exit_column", "#e3f1e3"), ("wall_column", "0.6")):
+        if name in layout:
+            axes.add_patch(Rectangle((layout[name] - 0.5, 0.5), 1, rows, color=colour, zorder=0))
+    for x, y in layout.get("walls", ()):
+        axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, color="0.6", zorder=0))
+    for sign, x, y in layout.get("signs", ()):
+        axes.text(x, y, sign, ha="center", va="center", fontsize=12, zorder=4)
     for i, cell in enumerate(layout.get("rocks", ()), start=1):
         axes.plot(*cell, "o", color="0.85", markeredgecolor="0.5", markersize=17, zorder=1)
         axes.text(cell[0], cell[1], str(i), ha="center", va="center", fontsize=9, zorder=4)
-    axes.set_xticks(np.arange(0.5, exit_column + 1), minor=True)
+    axes.set_xticks(np.arange(0.5, columns + 1), minor=True)
     axes.set_yticks(np.arange(0.5, rows + 1), minor=True)
     axes.grid(which="minor", color="0.85", linewidth=0.6)
-    cells(axes, exit_column, rows, upward=layout["rows_grow"] == "up")
+    cells(axes, columns, rows, upward=layout["rows_grow"] == "up")
+
+
+def _draw_hidden(domain: Domain, axes: Axes, features: NDArray[np.float64]) -> None:
+    for (x, y), share in hidden_places(domain, features).items():
+        axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, color="#f0a040", alpha=min(share, 1.0) ** 0.5, zorder=0.5))
 
 
 def _draw_robot(axes: Axes, robot: int, cell: Cell) -> None:

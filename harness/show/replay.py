@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from harness import engine as engines
 from harness import policy as policies
 from harness import registry
@@ -104,8 +107,8 @@ def ending(last: Step, horizon: int) -> str:
 
 def reading(batch: Batch) -> int | None:
     """Index of what the first episode of a batch has just read; None where it read nothing."""
-    observation = int(batch.observation[0])
-    return None if observation < 0 or batch.domain.observations[observation] == "none" else observation
+    observation, silent = int(batch.observation[0]), bool(batch.domain.sensors) and batch.done[0]
+    return None if observation < 0 or silent or batch.domain.observations[observation] == "none" else observation
 
 
 def _reading(batch: Batch) -> str:
@@ -123,23 +126,54 @@ def _grid(batch: Batch) -> list[str]:
     layout = batch.domain.layout
     if layout["kind"] == "none":
         return []
-    here = position(batch)
-    marks: dict[tuple[int, int], str] = {}
-    rows, columns = layout["rows"], layout["columns"]
-    if layout["kind"] == "rocksample":
-        columns = layout["exit_column"]
-        marks |= {(columns, y): ">" for y in range(1, rows + 1)}
-        marks |= {(x, y): _symbol(i) for i, (x, y) in enumerate(layout["rocks"])}
-        marks[here["x"], here["y"]] = "R"
-    else:
-        marks |= {(layout["wall_column"], y): "X" for y in range(1, rows + 1)}
-        marks |= {(layout["exit_column"], y): ">" for y in range(1, rows + 1)}
-        for robot in ("1", "2"):
-            if here.keys() >= {f"row{robot}", f"column{robot}"}:
-                cell = here[f"column{robot}"], here[f"row{robot}"]
-                marks[cell] = "B" if marks.get(cell) == "1" else robot
+    marks = {"rocksample": _rock_marks, "grid": _map_marks}.get(layout["kind"], _border_marks)(batch)
+    rows, columns = layout["rows"], layout.get("exit_column", layout["columns"])
     order = range(rows, 0, -1) if layout["rows_grow"] == "up" else range(1, rows + 1)
     return ["  " + " ".join(marks.get((x, y), ".") for x in range(1, columns + 1)) for y in order]
+
+
+_Marks = dict[tuple[int, int], str]
+
+
+def _rock_marks(batch: Batch) -> _Marks:
+    layout, here = batch.domain.layout, position(batch)
+    marks = {(layout["exit_column"], y): ">" for y in range(1, layout["rows"] + 1)}
+    marks |= {(x, y): _symbol(i) for i, (x, y) in enumerate(layout["rocks"])}
+    return marks | {(here["x"], here["y"]): "R"}
+
+
+def _border_marks(batch: Batch) -> _Marks:
+    layout, here = batch.domain.layout, position(batch)
+    marks = {(layout["wall_column"], y): "X" for y in range(1, layout["rows"] + 1)}
+    marks |= {(layout["exit_column"], y): ">" for y in range(1, layout["rows"] + 1)}
+    for robot in ("1", "2"):
+        if here.keys() >= {f"row{robot}", f"column{robot}"}:
+            cell = here[f"column{robot}"], here[f"row{robot}"]
+            marks[cell] = "B" if marks.get(cell) == "1" else robot
+    return marks
+
+
+def _map_marks(batch: Batch) -> _Marks:
+    """Walls and signs; digits are tenths of the belief that what is hidden is in the cell."""
+    layout, here = batch.domain.layout, position(batch)
+    marks = dict.fromkeys(((x, y) for x, y in layout["walls"]), "#")
+    marks |= {(x, y): sign for sign, x, y in layout["signs"]}
+    if batch.marginals.shape[1]:
+        marks |= {
+            cell: f"{min(round(10 * share), 9)}"
+            for cell, share in hidden_places(batch.domain, batch.features[0]).items()
+            if round(10 * share)
+        }
+    return marks | ({(here["x"], here["y"]): "R"} if "x" in here else {})
+
+
+def hidden_places(domain: Domain, features: NDArray[np.float64]) -> dict[tuple[int, int], float]:
+    """The belief that what is hidden is in a cell (column, row), for the cells that belief features are about."""
+    cells, shares = domain.layout.get("hidden_cells", ()), dict[tuple[int, int], float]()
+    for (_, _, value), share in zip(domain.features, features.tolist(), strict=True) if cells else ():
+        x, y = cells[value]
+        shares[x, y] = shares.get((x, y), 0.0) + share
+    return shares
 
 
 _SYMBOLS = "123456789abcdefghijklmnopqrstuvwxyz"

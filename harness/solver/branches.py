@@ -3,6 +3,7 @@
 For visible value v, action a and the factor k that the step touches (n values; n = 1 where it touches none), a *branch*
 is a next visible value v' with a reading o. Its matrix M, ``M[x', x] = Pr(v', x', o | v, x, a)``, sends the factor's
 belief b to the unnormalised posterior M·b, whose sum is the branch's probability. The other factors stay as they are.
+What sensors read is left out, which only makes policies know less: what they earn so is a lower bound.
 """
 
 from __future__ import annotations

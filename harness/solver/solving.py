@@ -119,8 +119,9 @@ def solve(
         HarnessError: an argument is out of range, the discount is not below 1, the memory is too little for the
             domain, or the file to resume from is damaged or of another model.
 
-    A domain with hidden factors of at most 12 values and one way to begin is solved on the product grid, any other
-    point by point (:mod:`harness.solver.points`), over the joint value of all factors.
+    A domain with hidden factors of at most 12 values and one way to begin is solved on the product grid, any other, and
+    one whose sensors read several factors at once, point by point (:mod:`harness.solver.points`), over the joint value
+    of all factors.
     """
     domain = (registry.load(domain) if isinstance(domain, str) else domain).shaped("none")
     for name, value in (("gap", gap), ("seconds", seconds), ("memory", memory)):
@@ -164,9 +165,9 @@ def _reason(course: Course, gap: float, seconds: float | None, interrupted: bool
 
 
 def _by_points(domain: Domain) -> bool:
-    """Whether the product grid does not take it: a large factor, or a start that is split by what is seen first."""
+    """Whether the product grid does not take it: a large factor, sensors, a start that is split by what is seen."""
     split = len(domain.arrays["prior_visible"]) > 1 or (domain.arrays["prior_factor"] >= 0).any()
-    return bool(split) or max(domain.factor_sizes, default=1) > _LARGEST_FACTOR
+    return bool(split or domain.sensors) or max(domain.factor_sizes, default=1) > _LARGEST_FACTOR
 
 
 def _blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:

@@ -16,15 +16,22 @@ using SHA: SHA
 using SpecialFunctions: erf
 using StaticArrays: SVector, setindex
 
-export RockSample, RockState, BorderCross, BorderState, FactoredUpdater, FactoredBelief, belief_updater
+export RockSample, RockState, FieldVision, BorderCross, BorderState, FactoredUpdater, FactoredBelief, belief_updater
 export UP, RIGHT, DOWN, LEFT, SAMPLE, COOPERATE, check, instance
 export OutsidePolicy, python_policy
 export action_names, observation_names, belief_features, layout, shapings, shaped
 
 include("interface.jl")
 include("flat.jl")
+include("gridmap.jl")
 include("rocksample.jl")
+include("rockmaps.jl")
+include("fieldvision.jl")
 include("bordercross.jl")
+include("tag.jl")
+include("heavenhell.jl")
+include("tiger.jl")
+include("littman.jl")
 include("updater.jl")
 include("simulator.jl")
 include("tables.jl")

@@ -14,7 +14,6 @@ const CROSSED = BorderState(0, 0, 0, 0)
 
 "Action of [`BorderCross`](@ref): cross the wall, if both robots stand ready."
 const COOPERATE = 9
-const STEPS = ((-1, 0), (0, 1), (1, 0), (0, -1))    # up, right, down, left as (row, column); row 1 is at the top
 
 """
     BorderCross(; keywords...)

@@ -70,12 +70,15 @@ visible_names(::Flat) = ["ended"]
 visible_values(::Flat, v) = [v - 1]
 factor_sizes(f::Flat) = (length(f.states),)
 factor_names(::Flat) = ["state"]
-factor_labels(f::Flat, k) = [string(s) for s in f.states]
+factor_labels(f::Flat, k) = state_names(f.model)
 factor_value(f::Flat, s, k) = stateindex(f, s)
 relevant_factor(::Flat, v, a) = 1
 relevant_factor(::Flat, v) = 1
 assemble(f::Flat, v, values) = f.states[values[1]]
 belief_features(f::Flat) = [("belief($i)", 1, i) for i in eachindex(f.states)]
+action_names(f::Flat) = action_names(f.model)
+observation_names(f::Flat) = observation_names(f.model)
+layout(f::Flat) = layout(f.model)
 
 """
     harnessed(m::POMDP)

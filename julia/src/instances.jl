@@ -17,44 +17,75 @@ end
 
 const SHARED_SOURCES = ["interface.jl", "instances.jl", "updater.jl", "simulator.jl", "tables.jl"]
 
-# Rocks as published, in 0-based (x, y); RockSample(7, 8) and (11, 11) are the layouts of the SARSOP and POMCP papers' files.
-const ROCKS_7_8 = [(2, 0), (0, 1), (3, 1), (6, 3), (2, 4), (3, 4), (5, 5), (1, 6)]
-const ROCKS_11_11 =
-    [(0, 3), (0, 7), (1, 8), (2, 4), (3, 3), (3, 8), (4, 3), (5, 8), (6, 1), (9, 3), (9, 9)]
-# There is no published layout of RockSample(15, 15): 15 cells drawn once without replacement (Python's random.seed(15)).
-const ROCKS_15_15 = [
-    (1, 4), (2, 0), (4, 0), (4, 6), (7, 2), (8, 3), (8, 12), (9, 0), (9, 11), (9, 14), (10, 2), (11, 13), (12, 11),
-    (13, 8), (14, 0),
+# Which maps of RockSample are played by which rules; by `nothing` else, the paper's.
+const ROCK_INSTANCES = [
+    nothing => ["4x4", "5x5", "5x7", "7x8", "10x10", "11x11", "15x15", "20x20"],
+    "zmdp" => ["4x4", "5x5", "5x7", "7x8", "10x10", "11x11"],
+    "rocksample.jl" => ["7x8"], "pobax" => ["7x8"], "noisy" => ["7x8"],
 ]
 
-rocks_on(n, cells) = RockSample([c .+ 1 for c in cells]; columns = n)
+function field_instance(name)
+    grid = only(grid for grid in ROCK_MAPS if grid.name == name)
+    cells = [c .+ 1 for c in grid.rocks]
+    title = "FieldVisionRockSample($(grid.size), $(length(cells))), every step reads all rocks"
+    return Instance(
+        "fieldvision-rocksample-$name", 1, title, ["1: first release"],
+        [SHARED_SOURCES; "rocksample.jl"; "rockmaps.jl"; "fieldvision.jl"],
+        () -> FieldVision(cells; columns = grid.size, start = grid.start .+ 1),
+    )
+end
+
+function rock_instance(name, rules)
+    grid = only(grid for grid in ROCK_MAPS if grid.name == name)
+    title = "RockSample($(grid.size), $(length(grid.rocks))), $(rules === nothing ? grid.origin : ROCK_RULES[rules][2])"
+    return Instance(
+        rules === nothing ? "rocksample-$name" : "rocksample-$name@$rules", 1, title, ["1: first release"],
+        [SHARED_SOURCES; "rocksample.jl"; "rockmaps.jl"], () -> on_map(grid, rules),
+    )
+end
 
 const BORDERCROSS_HISTORY = [
     "1: first release",
     "2: the potential shaping is Φ(s′) − Φ(s), without γ, as fitness is undiscounted; scores without shaping are as before",
 ]
 
+"An instance whose whole state is hidden: one factor, as any model of POMDPs.jl."
+hidden_instance(name, title, sources, make) =
+    Instance(name, 1, title, ["1: first release"], [SHARED_SOURCES; "flat.jl"; sources], () -> Flat(make()))
+
 const INSTANCES = [
-    Instance(
-        "rocksample-7x8", 1, "RockSample(7, 8), the layout of every published result", ["1: first release"],
-        [SHARED_SOURCES; "rocksample.jl"], () -> rocks_on(7, ROCKS_7_8),
-    ),
-    Instance(
-        "rocksample-11x11", 1, "RockSample(11, 11), the published layout", ["1: first release"],
-        [SHARED_SOURCES; "rocksample.jl"], () -> rocks_on(11, ROCKS_11_11),
-    ),
-    Instance(
-        "rocksample-15x15", 1, "RockSample(15, 15), a layout of this project (none is published)", ["1: first release"],
-        [SHARED_SOURCES; "rocksample.jl"], () -> rocks_on(15, ROCKS_15_15),
-    ),
+    [rock_instance(name, rules) for (rules, names) in ROCK_INSTANCES for name in names]
+    [field_instance(name) for name in ["5x5", "5x7"]]
     Instance(
         "bordercross-7x8", 2, "BorderCross, both robots start in known cells", BORDERCROSS_HISTORY,
-        [SHARED_SOURCES; "bordercross.jl"], () -> BorderCross(),
-    ),
+        [SHARED_SOURCES; "gridmap.jl"; "bordercross.jl"], () -> BorderCross(),
+    )
     Instance(
         "bordercross-7x8-random", 2, "BorderCross, robot 2 starts hidden in columns 1 to 3", BORDERCROSS_HISTORY,
-        [SHARED_SOURCES; "bordercross.jl"], () -> BorderCross(; start2 = [(r, c) for r in 1:7 for c in 1:3]),
-    ),
+        [SHARED_SOURCES; "gridmap.jl"; "bordercross.jl"],
+        () -> BorderCross(; start2 = [(r, c) for r in 1:7 for c in 1:3]),
+    )
+    Instance(
+        "tag", 1, "Tag, an opponent hides in 29 cells", ["1: first release"],
+        [SHARED_SOURCES; "gridmap.jl"; "tag.jl"], () -> Tag(),
+    )
+    Instance(
+        "heaven-hell", 1, "HeavenHell, a priest knows the way", ["1: first release"],
+        [SHARED_SOURCES; "gridmap.jl"; "heavenhell.jl"], () -> HeavenHell(),
+    )
+    hidden_instance("tiger", "Tiger, behind one of two doors", ["tiger.jl"], () -> Tiger())
+    hidden_instance(
+        "tiger-grid", "TigerGrid, a goal between two traps", ["gridmap.jl", "littman.jl"],
+        () -> LittmanGrid(["-*+*-", "*^ ^*"]),
+    )
+    hidden_instance(
+        "hallway", "Hallway, a corridor with alcoves and landmarks", ["gridmap.jl", "littman.jl"],
+        () -> LittmanGrid(["**o*o*o*o**", "  * * * +  "]),
+    )
+    hidden_instance(
+        "hallway2", "Hallway2, corridors that look alike", ["gridmap.jl", "littman.jl"],
+        () -> LittmanGrid([" ***** ", "** * **", " * * * ", "** * *+", " ***** "]),
+    )
 ]
 
 """

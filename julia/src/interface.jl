@@ -37,7 +37,8 @@ function visible_values end
 
 Tuple of the numbers of values of the hidden factors, `()` when nothing is hidden. Given the visible part,
 the factors are independent under the initial distribution, and every step touches at most one of them
-([`relevant_factor`](@ref)), so that they stay independent: the belief is a product, and updating it is exact.
+([`relevant_factor`](@ref)), so that they stay independent: the belief is a product, and updating it is exact. Any number
+of them may then be read unasked, each by itself ([`sensor_factors`](@ref)).
 """
 function factor_sizes end
 
@@ -83,6 +84,56 @@ For a terminal `v` any `values` give the terminal state.
 function assemble end
 
 """
+    sensor_factors(m)
+
+Tuple of the hidden factors that are read unasked after every step, one entry a *sensor*; `()`, the default, for none.
+Given the state, what sensors read is independent of each other and of the step's own observation, so that the factors
+stay independent. A model that has some defines [`sensor_sizes`](@ref), [`sensor_names`](@ref), [`sensor_labels`](@ref),
+[`sensor_reading`](@ref) and [`own_reading`](@ref) too, and has no `initialobs`.
+
+An observation is a combination of the step's own one and the labels of all sensors: `obsindex` runs through the labels
+of the last one fastest. After a step into a terminal state nothing is read, and all labels are the first.
+"""
+sensor_factors(m) = ()
+
+"""
+    sensor_sizes(m)
+
+Tuple of the numbers of labels of the sensors.
+"""
+sensor_sizes(m) = ()
+
+"""
+    sensor_names(m)
+
+One name a sensor, as programs spell it: `3` in `3 == "good"`.
+"""
+function sensor_names end
+
+"""
+    sensor_labels(m, j)
+
+Names of what sensor `j` may read, in index order.
+"""
+function sensor_labels end
+
+"""
+    sensor_reading(m, j, a, sp)
+
+Distribution of the index of the label that sensor `j` reads when action `a` has led to state `sp`. It depends on the
+visible part of `sp` and on the value of the sensor's factor only.
+"""
+function sensor_reading end
+
+"""
+    own_reading(m, s, a, sp)
+
+Distribution of the step's own observation, which depends on the relevant factor only: `observation(m, s, a, sp)` of a
+model without sensors, else of its index, 1 where it tells nothing.
+"""
+own_reading(m, s, a, sp) = observation(m, s, a, sp)
+
+"""
     belief_features(m)
 
 What policies may ask about the belief: a vector of `(name, factor, value)`, the name standing for the
@@ -103,6 +154,13 @@ action_names(m::POMDP) = [string(a) for a in ordered_actions(m)]
 Names of the observations in the order of `obsindex`.
 """
 observation_names(m::POMDP) = [string(o) for o in ordered_observations(m)]
+
+"""
+    state_names(m)
+
+Names of the states in the order of `stateindex`, of a model that is one hidden factor to the harness.
+"""
+state_names(m::POMDP) = [string(s) for s in ordered_states(m)]
 
 """
     action_at(m, i)
@@ -178,3 +236,26 @@ end
 
 "Length of the concatenated marginals of all hidden factors."
 nmarginals(m) = sum(factor_sizes(m); init = 0)
+
+has_sensors(m) = !isempty(sensor_factors(m))
+
+"Number of combinations of the sensors' labels (1 without sensors)."
+nlabels(m) = prod(sensor_sizes(m); init = 1)
+
+"Number of the steps' own observations."
+nown(m) = length(observations(m)) ÷ nlabels(m)
+
+"Index of a value of [`own_reading`](@ref)."
+own_index(m, o) = has_sensors(m) ? o : obsindex(m, o)
+
+"The part of an observation that [`own_reading`](@ref) is the distribution of."
+own_part(m, o) = has_sensors(m) ? (obsindex(m, o) - 1) ÷ nlabels(m) + 1 : o
+
+"Index of the label that sensor `j` has in the observation with index `i`."
+function sensor_label(m, j, i)
+    sizes, rest = sensor_sizes(m), i - 1
+    for l in length(sizes):-1:(j + 1)
+        rest ÷= sizes[l]
+    end
+    return rest % sizes[j] + 1
+end

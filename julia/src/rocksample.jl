@@ -35,16 +35,19 @@ A robot on a grid looks for good rocks with a noisy long-range sensor and leaves
 | keyword | default | meaning |
 |:--|:--|:--|
 | `columns`, `rows` | 7, `columns` | size of the grid that the robot moves on; the exit lies east of the last column |
-| `start` | `(1, cld(rows, 2))` | the robot's first cell |
+| `start`, `starts` | `(1, cld(rows, 2))`, `[start]` | the robot's first cell; several, equally likely |
 | `good_probability` | 0.5 | of each rock, independently |
 | `good_reward`, `bad_reward` | 10, −10 | of sampling a good or a bad rock |
 | `exit_reward` | 10 | of moving right from the last column, which ends the episode |
 | `illegal_move_penalty` | −100 | of any other move off the grid, which leaves the robot where it is |
-| `half_efficiency_distance` | 20 | d0 of the sensor: a reading is right with probability 0.5 + 0.5·2^(−d/d0) |
+| `empty_sample_penalty` | 0 | of sampling where no rock is |
+| `illegal_ends` | `false` | whether what costs one of these two penalties ends the episode |
+| `half_efficiency_distance`, `best_accuracy` | 20, 1 | d0 and b of the sensor: a reading is right with probability 0.5 + (b − 0.5)·2^(−d/d0) |
 | `discount` | 0.95 | |
 
 Actions are the integers `UP, RIGHT, DOWN, LEFT, SAMPLE, check(1) … check(K)` (1 to 5+K), observations the
-symbols `:none :good :bad`. A sampled rock is bad afterwards; sampling where no rock is does nothing.
+symbols `:none :good :bad`. A sampled rock is bad afterwards. `actions(m, s)` lists neither moves off the grid nor samples that
+cost `empty_sample_penalty`.
 
     RockSample(n, k; rng, keywords...)
 
@@ -54,17 +57,20 @@ struct RockSample{K} <: POMDP{RockState{K},Int,Symbol}
     columns::Int
     rows::Int
     rocks::SVector{K,Tuple{Int,Int}}
-    start::Tuple{Int,Int}
+    starts::Vector{Tuple{Int,Int}}
     good_probability::Float64
     good_reward::Float64
     bad_reward::Float64
     exit_reward::Float64
     illegal_move_penalty::Float64
+    empty_sample_penalty::Float64
+    illegal_ends::Bool
     half_efficiency_distance::Float64
+    best_accuracy::Float64
     discount::Float64
     accuracy::Matrix{Float64}       # [cell, rock]: probability that a reading is right
     rock_at::Vector{Int}            # [cell]: the rock there, 0 for none
-    legal::Vector{Vector{Int}}      # [cell]: actions without the illegal-move penalty
+    legal::Vector{Vector{Int}}      # [cell]: what `actions(m, s)` lists
 end
 
 function RockSample(
@@ -72,28 +78,38 @@ function RockSample(
     columns::Integer = 7,
     rows::Integer = columns,
     start = (1, cld(rows, 2)),
+    starts = [start],
     good_probability::Real = 0.5,
     good_reward::Real = 10.0,
     bad_reward::Real = -10.0,
     exit_reward::Real = 10.0,
     illegal_move_penalty::Real = -100.0,
+    empty_sample_penalty::Real = 0.0,
+    illegal_ends::Bool = false,
     half_efficiency_distance::Real = 20.0,
+    best_accuracy::Real = 1.0,
     discount::Real = 0.95,
 )
     inside(c) = 1 <= c[1] <= columns && 1 <= c[2] <= rows
     all(inside, rocks) || throw(ArgumentError("a rock lies off the $columns × $rows grid: $rocks"))
     allunique(rocks) || throw(ArgumentError("two rocks share a cell: $rocks"))
-    inside(start) || throw(ArgumentError("the start $start lies off the $columns × $rows grid"))
+    starts = sort!(collect(Tuple{Int,Int}, starts); by = reverse)      # in the order of the cells
+    all(inside, starts) || throw(ArgumentError("a start lies off the $columns × $rows grid: $starts"))
+    !isempty(starts) && allunique(starts) || throw(ArgumentError("starts must list different cells, at least one"))
     0 <= good_probability <= 1 || throw(ArgumentError("good_probability must lie in [0, 1], not $good_probability"))
     half_efficiency_distance > 0 || throw(ArgumentError("half_efficiency_distance must be positive"))
+    0.5 <= best_accuracy <= 1 || throw(ArgumentError("best_accuracy must lie in [0.5, 1], not $best_accuracy"))
     K = length(rocks)
     cells = [(x, y) for y in 1:rows for x in 1:columns]
-    accuracy = [sensor_accuracy(c, r, half_efficiency_distance) for c in cells, r in rocks]
+    accuracy = [sensor_accuracy(c, r, half_efficiency_distance, best_accuracy) for c in cells, r in rocks]
     rock_at = [something(findfirst(==(c), rocks), 0) for c in cells]
-    legal = [[a for a in 1:(SAMPLE + K) if !leaves_grid(c, a, columns, rows)] for c in cells]
+    forbidden(c, rock, a) =
+        leaves_grid(c, a, rows) || (a == SAMPLE && rock == 0 && (empty_sample_penalty != 0 || illegal_ends))
+    legal = [[a for a in 1:(SAMPLE + K) if !forbidden(c, rock, a)] for (c, rock) in zip(cells, rock_at)]
     return RockSample{K}(
-        columns, rows, SVector{K,Tuple{Int,Int}}(Tuple.(rocks)), Tuple(start), good_probability, good_reward, bad_reward,
-        exit_reward, illegal_move_penalty, half_efficiency_distance, discount, accuracy, rock_at, legal,
+        columns, rows, SVector{K,Tuple{Int,Int}}(Tuple.(rocks)), starts, good_probability, good_reward,
+        bad_reward, exit_reward, illegal_move_penalty, empty_sample_penalty, illegal_ends, half_efficiency_distance,
+        best_accuracy, discount, accuracy, rock_at, legal,
     )
 end
 
@@ -103,11 +119,11 @@ function RockSample(n::Integer, k::Integer; rng::AbstractRNG, keywords...)
     return RockSample([((c - 1) % n + 1, (c - 1) ÷ n + 1) for c in cells]; columns = n, keywords...)
 end
 
-"Probability that the sensor reads the rock at `rock` rightly from `cell` (paper, eq. 3; d Euclidean)."
-sensor_accuracy(cell, rock, d0) = 0.5 + 0.5 * 2.0^(-hypot(cell[1] - rock[1], cell[2] - rock[2]) / d0)
+"Probability that the sensor reads the rock at `rock` rightly from `cell` (paper, eq. 3, where `best` is 1; d Euclidean)."
+sensor_accuracy(cell, rock, d0, best) = 0.5 + (best - 0.5) * 2.0^(-hypot(cell[1] - rock[1], cell[2] - rock[2]) / d0)
 
 "Whether `a` is a move off the grid that is not the exit."
-function leaves_grid(cell, a, columns, rows)
+function leaves_grid(cell, a, rows)
     a <= LEFT || return false
     x, y = cell .+ MOVES[a]
     return x < 1 || y < 1 || y > rows
@@ -154,23 +170,24 @@ POMDPs.obsindex(::RockSample, o::Symbol) = o === :none ? 1 : o === :good ? 2 : 3
 POMDPs.discount(m::RockSample) = m.discount
 POMDPs.isterminal(::RockSample, s::RockState) = s.x == 0
 
-"Initial distribution of a [`RockSample`](@ref): the start cell, each rock good with the same probability."
+"Initial distribution of a [`RockSample`](@ref): each start as likely, and each rock good with the same probability."
 struct RockStart{K}
     model::RockSample{K}
 end
 function POMDPs.support(d::RockStart{K}) where {K}
-    first = (cell_index(d.model, d.model.start...) - 1) * 2^K
-    return view(RockStates(d.model), (first + 1):(first + 2^K))
+    firsts = [(cell_index(d.model, c...) - 1) * 2^K for c in d.model.starts]
+    return view(RockStates(d.model), reduce(vcat, [(first + 1):(first + 2^K) for first in firsts]))
 end
 function POMDPs.pdf(d::RockStart{K}, s::RockState{K}) where {K}
-    (s.x, s.y) == d.model.start || return 0.0
+    (s.x, s.y) in d.model.starts || return 0.0
     p = d.model.good_probability
     good = count(s.good)
-    return p^good * (1 - p)^(K - good)
+    return p^good * (1 - p)^(K - good) / length(d.model.starts)
 end
 function Base.rand(rng::AbstractRNG, d::Random.SamplerTrivial{RockStart{K}}) where {K}
     m = d[].model
-    return RockState{K}(m.start..., SVector{K,Bool}(ntuple(_ -> rand(rng) < m.good_probability, Val(K))))
+    start = length(m.starts) == 1 ? only(m.starts) : rand(rng, m.starts)
+    return RockState{K}(start..., SVector{K,Bool}(ntuple(_ -> rand(rng) < m.good_probability, Val(K))))
 end
 Base.eltype(::Type{RockStart{K}}) where {K} = RockState{K}
 
@@ -184,12 +201,13 @@ end
 function successor(m::RockSample{K}, s::RockState{K}, a::Int) where {K}
     isterminal(m, s) && return s
     if a <= LEFT
-        leaves_grid((s.x, s.y), a, m.columns, m.rows) && return s
+        leaves_grid((s.x, s.y), a, m.rows) && return m.illegal_ends ? out(m) : s
         x, y = (s.x, s.y) .+ MOVES[a]
         return x > m.columns ? out(m) : RockState{K}(x, y, s.good)
     elseif a == SAMPLE
         rock = m.rock_at[cell_index(m, s.x, s.y)]
-        return rock == 0 ? s : RockState{K}(s.x, s.y, setindex(s.good, false, rock))
+        rock == 0 && return m.illegal_ends ? out(m) : s
+        return RockState{K}(s.x, s.y, setindex(s.good, false, rock))
     end
     return s
 end
@@ -206,11 +224,11 @@ POMDPs.reward(m::RockSample, s::RockState, a::Int, sp::RockState) = reward(m, s,
 function POMDPs.reward(m::RockSample{K}, s::RockState{K}, a::Int) where {K}
     isterminal(m, s) && return 0.0
     if a <= LEFT
-        leaves_grid((s.x, s.y), a, m.columns, m.rows) && return m.illegal_move_penalty
+        leaves_grid((s.x, s.y), a, m.rows) && return m.illegal_move_penalty
         return a == RIGHT && s.x == m.columns ? m.exit_reward : 0.0
     elseif a == SAMPLE
         rock = m.rock_at[cell_index(m, s.x, s.y)]
-        rock == 0 && return 0.0
+        rock == 0 && return m.empty_sample_penalty
         return s.good[rock] ? m.good_reward : m.bad_reward
     end
     return 0.0
@@ -250,8 +268,8 @@ observation_at(::RockSample, i) = ROCK_READINGS[i]
 function layout(m::RockSample)
     return Dict{String,Any}(
         "kind" => "rocksample", "columns" => m.columns, "rows" => m.rows, "rows_grow" => "up",
-        "exit_column" => m.columns + 1, "start" => collect(m.start),
+        "exit_column" => m.columns + 1, "start" => collect(first(m.starts)),
         "rocks" => [collect(r) for r in m.rocks],
-        "half_efficiency_distance" => m.half_efficiency_distance,
+        "half_efficiency_distance" => m.half_efficiency_distance, "best_accuracy" => m.best_accuracy,
     )
 end

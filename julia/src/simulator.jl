@@ -166,23 +166,51 @@ Base.@propagate_inbounds function step_episode!(sim, e, scratch)
     s = sim.states[e]
     a = action_at(m, Int(b.actions[e]) + 1)
     sp, left = draw(transition(m, s, a), b.u[e], x -> stateindex(m, x))
-    o, _ = draw(observation(m, s, a, sp), left, o -> obsindex(m, o))
+    o, left = draw(own_reading(m, s, a, sp), left, o -> own_index(m, o))
     v, vp = Int(b.visible[e]) + 1, visible_index(m, sp)
     b.rewards[e] = reward(m, s, a, sp)
-    b.observation[e] = obsindex(m, o) - 1
+    b.observation[e] = sensed(m, own_index(m, o), a, sp, left) - 1
     b.visible[e] = vp - 1
     b.done[e] = isterminal(m, sp)
     sim.states[e] = sp
     size(b.marginals, 2) > 0 || return nothing
     k = relevant_factor(m, v, a)
-    k > 0 || return nothing
+    k > 0 && update_factor!((posterior, prior) -> bayes!(posterior, prior, m, v, a, vp, o, k), b.marginals, e, m, k, scratch)
+    has_sensors(m) && !b.done[e] && update_sensed!(b.marginals, e, m, a, vp, Int(b.observation[e]) + 1, scratch)
+    return nothing
+end
+
+"""
+Index of the observation of which the step's own part has the index `own`: with what the sensors read after action `a` led
+to `sp`. What each draw leaves of the number `u` goes to the next one.
+"""
+function sensed(m, own, a, sp, u)
+    has_sensors(m) || return own
+    i = own - 1
+    for (j, n) in enumerate(sensor_sizes(m))
+        label = 1
+        isterminal(m, sp) || ((label, u) = draw(sensor_reading(m, j, a, sp), u, identity))
+        i = i * n + label - 1
+    end
+    return i + 1
+end
+
+function update_sensed!(marginals, e, m, a, vp, i, scratch)
+    for (j, k) in enumerate(sensor_factors(m))
+        label = sensor_label(m, j, i)
+        update_factor!((posterior, prior) -> bayes!(posterior, prior, m, j, a, vp, label), marginals, e, m, k, scratch)
+    end
+end
+
+"Replaces episode `e`'s belief over factor `k` by what `rule!(posterior, prior)` makes of it."
+function update_factor!(rule!::F, marginals, e, m, k, scratch) where {F}
     n, first = factor_sizes(m)[k], offset(m, k)
     prior, posterior = view(scratch, 1:n), view(scratch, (n + 1):(2n))
     for x in 1:n
-        prior[x] = b.marginals[e, first + x]
+        prior[x] = marginals[e, first + x]
     end
-    bayes!(posterior, prior, m, v, a, vp, o, k)
-    store!(b.marginals, e, first, posterior)
+    rule!(posterior, prior)
+    store!(marginals, e, first, posterior)
     return nothing
 end
 

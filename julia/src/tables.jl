@@ -10,13 +10,16 @@ outcomes `row_outcomes[r] … row_outcomes[r+1] − 1`, in the order of the next
 
 - `outcome_visible, outcome_value`: next visible value, next value of the relevant factor
 - `outcome_probability, outcome_cdf`: probability, and its running sum within the row
-- `outcome_observation`: row of `observation_probability` and `observation_cdf` (rows × observations)
+- `outcome_observation`: row of `observation_probability` and `observation_cdf` (rows × steps' own observations)
 - `outcome_reward`: shapings × outcomes, the true reward first
 
 `legal[r]` says whether the action is in `actions(m, s)`. The initial distribution is `start_visible,
 start_values` (starts × factors), `start_cdf, start_observation` (row of the first reading, −1: none), with
 the marginals of the hidden factors in `prior_marginals`, one row for each visible value of `prior_visible`;
 `prior_factor` is the factor that the first reading tells of, `prior_observation` its reading's row for each value.
+
+Sensors read unasked: `sensor_row[v·A + a, j]` is, at the next visible value v, the row of `sensor_probability` and
+`sensor_cdf` (rows × most labels) for the first value of sensor j's factor, the others following; −1 at a terminal v.
 """
 function tables(m::POMDP)
     V, A = nvisible(m), length(actions(m))
@@ -57,20 +60,45 @@ function tables(m::POMDP)
         outcome_observation = outcomes.observation, outcome_reward = stack(rewards; dims = 1),
         start..., observation_probability = stack(readings.rows; dims = 1),
         observation_cdf = accumulate(+, stack(readings.rows; dims = 1); dims = 2),
-        visible_values = stack([visible_values(m, v) for v in 1:V]; dims = 1),
+        visible_values = stack([visible_values(m, v) for v in 1:V]; dims = 1), sensor_tables(m)...,
     )
+end
+
+function sensor_tables(m)
+    V, A, most = nvisible(m), length(actions(m)), maximum(sensor_sizes(m); init = 0)
+    row = fill(-1, V * A, length(sensor_factors(m)))
+    distributions, known = Vector{Float64}[], Dict{Vector{Vector{Float64}},Int}()
+    for (j, k) in enumerate(sensor_factors(m)), v in 1:V, i in 1:A
+        is_terminal_value(m, v) && continue
+        block = [label_table(m, j, action_at(m, i), representative(m, v, k, x), most) for x in 1:factor_sizes(m)[k]]
+        row[(v - 1) * A + i, j] = get!(known, block) do
+            append!(distributions, block)
+            return length(distributions) - length(block)
+        end
+    end
+    probability = isempty(distributions) ? zeros(0, most) : stack(distributions; dims = 1)
+    return (sensor_row = row, sensor_probability = probability, sensor_cdf = accumulate(+, probability; dims = 2))
+end
+
+"Probabilities of the labels of sensor `j` when action `a` has led to `sp`, with zeros up to `n` of them."
+function label_table(m, j, a, sp, n)
+    table = zeros(n)
+    for (label, p) in weighted_iterator(sensor_reading(m, j, a, sp))
+        table[label] += p
+    end
+    return table
 end
 
 # A flat model's terminal states have rows too, which no episode meets. A model need not say what happens there.
 next_states(m, s, a) =
     isterminal(m, s) ? [s => 1.0] : sorted_outcomes(transition(m, s, a), y -> stateindex(m, y))
-reading(m, s, a, sp) = isterminal(m, s) ? Deterministic(observation_at(m, 1)) : observation(m, s, a, sp)
+reading(m, s, a, sp) = isterminal(m, s) ? Deterministic(observation_at(m, 1)) : own_reading(m, s, a, sp)
 paid(m, s, a, sp) = isterminal(m, s) ? 0.0 : reward(m, s, a, sp)
 
 is_terminal_value(m, v) = isterminal(m, representative(m, v, 0, 1))
 is_terminal_value(::Flat, v) = v == 2
 
-"The different observation distributions met so far, each a row of probabilities in the order of `obsindex`."
+"The different distributions of steps' own observations met so far, each a row of probabilities in index order."
 struct Readings{M}
     model::M
     rows::Vector{Vector{Float64}}
@@ -81,9 +109,9 @@ Readings(m) = Readings(m, Vector{Float64}[], Dict{Vector{Float64},Int}())
 "0-based row of distribution `d`, added when it is new; −1 for no observation."
 row!(readings::Readings, ::Nothing) = -1
 function row!(readings::Readings, d)
-    row = zeros(length(observations(readings.model)))
+    row = zeros(nown(readings.model))
     for (o, p) in weighted_iterator(d)
-        row[obsindex(readings.model, o)] += p
+        row[own_index(readings.model, o)] += p
     end
     return get!(readings.index, row) do
         push!(readings.rows, row)
@@ -120,7 +148,7 @@ end
 Names and sizes of the harnessed model `m`: what a Python `Domain` holds beside the tables.
 """
 function describe(m::POMDP)
-    return Dict{String,Any}(
+    described = Dict{String,Any}(
         "discount" => discount(m), "states" => length(states(m)),
         "actions" => action_names(m), "observations" => observation_names(m),
         "visible" => visible_names(m), "factors" => factor_names(m),
@@ -128,4 +156,9 @@ function describe(m::POMDP)
         "features" => [Any[name, k - 1, x - 1] for (name, k, x) in belief_features(m)],
         "shapings" => shapings(m), "layout" => layout(m),
     )
+    if has_sensors(m)
+        described["sensors"] =
+            [Any[name, k - 1, sensor_labels(m, j)] for (j, (name, k)) in enumerate(zip(sensor_names(m), sensor_factors(m)))]
+    end
+    return described
 end

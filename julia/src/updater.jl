@@ -88,12 +88,13 @@ function POMDPs.update(up::FactoredUpdater, b::FactoredBelief, a, o)
     m = up.model
     k = relevant_factor(m, b.visible, a)
     visible = next_visible(m, b, a, k)
-    k == 0 && return FactoredBelief(m, visible, b.marginals)
+    k == 0 && !has_sensors(m) && return FactoredBelief(m, visible, b.marginals)
     marginals = copy(b.marginals)
-    n = factor_sizes(m)[k]
-    posterior = view(marginals, (offset(m, k) + 1):(offset(m, k) + n))
-    prior = view(b.marginals, (offset(m, k) + 1):(offset(m, k) + n))
-    bayes!(posterior, prior, m, b.visible, a, visible, o, k)
+    of_factor(k) = view(marginals, (offset(m, k) + 1):(offset(m, k) + factor_sizes(m)[k]))
+    k == 0 || bayes!(of_factor(k), copy(of_factor(k)), m, b.visible, a, visible, own_part(m, o), k)
+    for (j, k) in enumerate(is_terminal_value(m, visible) ? () : sensor_factors(m))
+        bayes!(of_factor(k), copy(of_factor(k)), m, j, a, visible, sensor_label(m, j, obsindex(m, o)))
+    end
     return FactoredBelief(m, visible, marginals)
 end
 
@@ -118,7 +119,7 @@ end
 """
     bayes!(posterior, prior, m, v, a, vp, o, k)
 
-Belief over factor `k` after action `a` at visible value `v` led to visible value `vp` and observation `o`;
+Belief over factor `k` after action `a` at visible value `v` led to visible value `vp` and the step's own observation `o`;
 all other factors stay as they were. Sums run in index order, so that the `tables` engine, which does the
 same on the exported numbers, gets the same bits. Returns the probability of `(vp, o)`; when that is zero,
 the belief is left as it was.
@@ -136,8 +137,22 @@ function bayes!(posterior, prior, m, v, a, vp, o, k)
         s = representative(m, v, k, x)
         for (sp, p) in weighted_iterator(transition(m, s, a))
             (p > 0 && visible_index(m, sp) == vp) || continue
-            posterior[factor_value(m, sp, k)] += b * p * pdf(observation(m, s, a, sp), o)
+            posterior[factor_value(m, sp, k)] += b * p * pdf(own_reading(m, s, a, sp), o)
         end
+    end
+    return normalize_first!(posterior, prior)
+end
+
+"""
+    bayes!(posterior, prior, m, j, a, vp, label)
+
+Belief over the factor of sensor `j` after it read the label with index `label`, where action `a` had led to visible value
+`vp`; what the step itself told comes before.
+"""
+function bayes!(posterior, prior, m, j, a, vp, label)
+    k = sensor_factors(m)[j]
+    for x in eachindex(posterior)
+        posterior[x] = prior[x] * pdf(sensor_reading(m, j, a, representative(m, vp, k, x)), label)
     end
     return normalize_first!(posterior, prior)
 end

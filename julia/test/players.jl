@@ -104,5 +104,5 @@ end
     @test occursin(r"wrong\.jl, line 1: Julia package NoSuchPackage is not installed: julia", failing("using NoSuchPackage"))
     @test H.run_file(Module(), write_file("1 + 1")) == 2
     @test_throws r"it must end in a Policy" H.planned(3, SMALL_ROCKS, "three.jl")
-    @test_throws r"no alpha vectors" H.solve_file(H.planned(RandomPolicy(SMALL_ROCKS), SMALL_ROCKS, "random.jl"))
+    @test_throws r"neither alpha vectors nor" H.solve_file(H.planned(RandomPolicy(SMALL_ROCKS), SMALL_ROCKS, "random.jl"))
 end

@@ -104,6 +104,14 @@ end
     @test_throws ArgumentError RockSample([(8, 1)]; columns = 7)
     @test_throws ArgumentError RockSample([(1, 1), (1, 1)])
     @test_throws ArgumentError RockSample([(1, 1)]; start = (0, 0))
+    @test_throws ArgumentError RockSample([(1, 1)]; starts = [(1, 1), (1, 1)])
+    @test_throws ArgumentError RockSample([(1, 1)]; best_accuracy = 0.4)
+    harsh = RockSample([(1, 1)]; columns = 2, starts = [(2, 1), (1, 2)], empty_sample_penalty = -7, illegal_ends = true)
+    @test has_consistent_distributions(harsh)
+    @test isterminal(harsh, only(support(transition(harsh, RockState{1}(2, 2, [true]), SAMPLE))))
+    @test reward(harsh, RockState{1}(2, 2, [true]), SAMPLE) == -7
+    @test [(s.x, s.y) for s in support(initialstate(harsh))] == [(2, 1), (2, 1), (1, 2), (1, 2)]
+    @test Set((s.x, s.y) for s in rand(MersenneTwister(0), initialstate(harsh), 100)) == Set([(2, 1), (1, 2)])
 end
 
 @testset "type stability and allocation" begin

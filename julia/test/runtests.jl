@@ -33,7 +33,7 @@ end
 @testset "PomdpHarness" begin
     @testset "$file" for file in [
         "rocksample.jl", "bordercross.jl", "interface.jl", "updater.jl", "simulator.jl", "tables.jl", "instances.jl",
-        "baselines.jl", "players.jl", "outside.jl", "momdps.jl", "hygiene.jl",
+        "fieldvision.jl", "grids.jl", "baselines.jl", "players.jl", "outside.jl", "momdps.jl", "hygiene.jl",
     ]
         include(file)
     end

@@ -21,7 +21,7 @@ end
 end
 
 @testset "steps as the model's functions say, on $(typeof(m))" for m in [
-    SMALL; H.Flat(Tiger()); H.Flat(Drift()); H.Flat(Corridor{Union{Int,TerminalState}}()); H.Flat(Corridor{Any}())
+    SMALL; FieldVision([(2, 1), (3, 3)]; columns = 3); H.Flat(Tiger()); H.Flat(Drift()); H.Flat(Corridor{Union{Int,TerminalState}}()); H.Flat(Corridor{Any}())
 ]
     rng = MersenneTwister(7)
     E = 64

@@ -137,6 +137,10 @@ def softened(domain: Domain, policy: Policy, constants: int | None = None) -> So
     Raises:
         PolicyError: it is of a kind whose comparisons are not known, or has another number of constants.
     """
+    if domain.sensors:
+        raise PolicyError(
+            f"{domain.name} is read by sensors at every step, for which no smooth return is known; tune by cmaes"
+        )
     made: Soft | None = None
     if isinstance(policy, ProgramPolicy):
         made = SoftProgram(policy)

@@ -147,7 +147,7 @@ def _accuracy(
         v, reading, first = key[e, rocks + 1] // SEEN, key[e, rocks + 1] % SEEN - 1, count
         memory = key[e, : rocks + 1].copy()
         if memory[rocks] >= 0:
-            memory[memory[rocks]] = GOOD if reading == good else DISMISSED
+            memory[memory[rocks]] = GOOD if good[reading, memory[rocks]] else DISMISSED
             memory[rocks] = -1
         left[:] = mass[e]
         for i in order[v]:

@@ -12,7 +12,7 @@ from harness.engine.batch import Batch
 from harness.errors import PolicyError
 from harness.model.domain import Domain
 from harness.model.splitmix import next_uniform
-from harness.model.tables import Records, compiled, draw_outcome, draw_reading, inlined, row_of
+from harness.model.tables import Records, compiled, draw_labels, draw_outcome, draw_reading, inlined, row_of
 from harness.policy.base import fitting
 from harness.policy.planner.budget import MOST, Budget, number, parse, whole
 from harness.policy.planner.preferred import Preferences, names_preferred, note, preferences_of, preferred
@@ -240,7 +240,7 @@ def _descend(
     """Go down the tree to a history that is not in it: what is visible there, what was read last, after how many
     steps, and whether the simulation goes on."""
     choices, rows, outcomes, reading_cdf, allowed = m.choices, m.rows, m.outcomes, m.reading_cdf, m.allowed
-    n_actions, horizon, values, taken, paid = m.n_actions, m.horizon, s.values, s.taken, s.paid
+    n_actions, horizon, values, taken, paid, sensors = m.n_actions, m.horizon, s.values, s.taken, s.paid, m.sensors
     here, weight, sample, check, good, tally, readings = (
         p.here,
         p.weight,
@@ -259,6 +259,9 @@ def _descend(
         if choices[va].factor >= 0:
             values[0, choices[va].factor] = outcomes[i].value
         o = draw_reading(reading_cdf, outcomes[i].reading, left)
+        if sensors is not None:
+            there, q = outcomes[i].visible * n_actions + a, outcomes[i].reading
+            o = draw_labels(sensors, m.reading_probability, reading_cdf, q, o, left, there, values, 0)
         taken[depth], paid[depth] = first + a, outcomes[i].reward
         if len(here) > 0:
             note(here, weight, sample, check, good, v, a, o, tally, readings)

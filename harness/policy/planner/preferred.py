@@ -40,8 +40,8 @@ class Preferences(NamedTuple):
 
 
 def names_preferred(domain: Domain) -> bool:
-    """Whether there is a rule for the domain."""
-    return bool(domain.layout["kind"] == "rocksample")
+    """Whether there is a rule for the domain: it is about what to check, so not where all rocks are read unasked."""
+    return bool(domain.layout["kind"] == "rocksample") and not domain.sensors
 
 
 def preferences_of(domain: Domain, wanted: bool = True) -> Preferences:
@@ -64,7 +64,7 @@ def preferences_of(domain: Domain, wanted: bool = True) -> Preferences:
         rocks.right,
         rocks.sample,
         rocks.check,
-        rocks.good,
+        domain.observations.index("good"),
     )
 
 

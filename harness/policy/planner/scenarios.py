@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from harness.model.domain import Domain
 from harness.model.indexing import strides
 from harness.model.splitmix import uniform_at
-from harness.model.tables import Records, compiled, draw_outcome, draw_reading
+from harness.model.tables import Records, compiled, draw_labels, draw_outcome, draw_reading, inlined
 from harness.policy.planner.hindsight import seen_through
 from harness.policy.planner.simulating import Model, model_of
 from harness.solver.branches import branches_of
@@ -192,15 +192,27 @@ def _branch(m: Model, b: Bounds, tree: Tree, node: int, edge: int, va: int, stre
         u = uniform_at(stream, scenarios[first + s].number * m.horizon + depth)
         i, left = draw_outcome(rows, outcomes, choices[va].first_row + x, u)
         paid += outcomes[i].reward
-        child = -1
+        child, after = -1, hidden + (outcomes[i].value - x) * stride
         if not outcomes[i].ends:
-            child = _child(
-                nodes, used, begin, outcomes[i].visible, draw_reading(reading_cdf, outcomes[i].reading, left)
-            )
+            o = draw_reading(reading_cdf, outcomes[i].reading, left)
+            if m.sensors is not None:
+                there, q = outcomes[i].visible * m.n_actions + va % m.n_actions, outcomes[i].reading
+                values = _values(after, b.strides, b.sizes)
+                o = draw_labels(m.sensors, m.reading_probability, reading_cdf, q, o, left, there, values, 0)
+            child = _child(nodes, used, begin, outcomes[i].visible, o)
             nodes[child].edge, nodes[child].depth = edge, depth + 1
             nodes[child].count += 1
-        place[s, 0], place[s, 1] = child, hidden + (outcomes[i].value - x) * stride
+        place[s, 0], place[s, 1] = child, after
     return paid
+
+
+@inlined
+def _values(hidden: int, strides: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.int16]:
+    """(1, K) values of the factors at a joint one."""
+    values = np.empty((1, len(sizes)), dtype=np.int16)
+    for k in range(len(sizes)):
+        values[0, k] = hidden // strides[k] % sizes[k]
+    return values
 
 
 @compiled

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from harness.model.domain import Domain
 from harness.model.splitmix import next_uniform
-from harness.model.tables import Records, inlined
+from harness.model.tables import Records, Sensors, inlined
 from harness.policy.planner.random_play import ways_of
 
 _NEGLIGIBLE = 0.01  # of the present reward: what is weighed less is not simulated
@@ -24,7 +24,9 @@ class Model(NamedTuple):
     choices: Records
     rows: Records
     outcomes: Records
+    reading_probability: NDArray[np.float64]
     reading_cdf: NDArray[np.float64]
+    sensors: Sensors | None
     factor_offset: NDArray[np.int64]
     ways: Records
     """(V·A,) of :data:`.random_play.WAY`."""
@@ -48,7 +50,9 @@ def model_of(domain: Domain, depth: int | None = None) -> Model:
         t.choices,
         t.rows,
         t.outcomes,
+        t.reading_probability,
         t.reading_cdf,
+        t.sensors,
         t.factor_offset,
         ways_of(true),
         _allowed(domain),

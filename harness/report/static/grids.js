@@ -22,7 +22,8 @@ function placing(layout) {
 
 /** The empty board: cells, exit and wall, numbers of columns and rows. */
 function board(layout, label) {
-  const columns = layout.exit_column;
+  const columns = layout.exit_column ?? layout.columns;
+  const walls = new Set((layout.walls ?? []).map((cell) => cell.join()));
   const at = placing(layout);
   const svg = draw("svg", {
     // On large boards the cells are small: their text is larger, and the beliefs' numbers are in the bars only.
@@ -32,7 +33,8 @@ function board(layout, label) {
   for (let row = 1; row <= layout.rows; row += 1) {
     for (let column = 1; column <= columns; column += 1) {
       const [x, y] = at(column, row);
-      const kind = column === layout.exit_column ? "exit" : column === layout.wall_column ? "wall" : "cell";
+      const walled = column === layout.wall_column || walls.has(`${column},${row}`);
+      const kind = column === layout.exit_column ? "exit" : walled ? "wall" : "cell";
       svg.append(draw("rect", { x: x - CELL / 2, y: y - CELL / 2, width: CELL, height: CELL, class: kind }));
       if (kind === "exit") svg.append(draw("path", { d: `M${x - 5} ${y - 8}l8 8l-8 8`, class: "arrow" }));
       if (kind === "wall") svg.append(draw("path", { d: `M${x - 14} ${y + 14}L${x + 14} ${y - 14}`, class: "hatch" }));
@@ -82,14 +84,14 @@ function rockSample(domain) {
     const aside = onRock ? 18 : 0; // in the corner of the cell, where it hides none of the rock's numbers
     agent.style.transform = `translate(${x + aside}px, ${y + aside}px) scale(${onRock ? 0.55 : 1})`;
     trail.setAttribute("points", places.map((place) => at(...place).join()).join(" "));
-    const { checked, word } = check(domain, episode, k);
+    const { checked, words } = read(domain, episode, k);
     rocks.forEach((rock, i) => {
       const belief = episode.beliefs[k][i] / 1000;
       const { fill, ink } = shade(belief);
       rock.disc.style.fill = fill;
       for (const part of [rock.name, rock.value]) part.style.fill = ink;
       rock.value.textContent = belief.toFixed(2);
-      rock.tag.textContent = i === checked ? word : "";
+      rock.tag.textContent = words[i] ?? "";
       rock.group.classList.toggle("checked", i === checked);
     });
     beam.style.display = checked < 0 ? "none" : "";
@@ -109,11 +111,69 @@ function path(episode, k, domain) {
   return places;
 }
 
-/** Which rock the step has checked, and what was read there. */
-function check(domain, episode, k) {
+/** Which rock the step has checked, −1 for none, and what was read of the rocks, by number. */
+function read(domain, episode, k) {
+  if (episode.reading[k] < 0) return { checked: -1, words: {} };
+  if (domain.sensors.length) return { checked: -1, words: sensed(domain, episode.reading[k]) };
   const found = /^check\((\d+)\)$/.exec(domain.actions[episode.action[k]] ?? "");
-  if (!found || episode.reading[k] < 0) return { checked: -1, word: "" };
-  return { checked: Number(found[1]) - 1, word: domain.observations[episode.reading[k]] };
+  if (!found) return { checked: -1, words: {} };
+  const checked = Number(found[1]) - 1;
+  return { checked, words: { [checked]: domain.observations[episode.reading[k]] } };
+}
+
+/** The label that each sensor read; the last one runs fastest in the number of a reading. */
+function sensed(domain, reading) {
+  const words = {};
+  for (let [j, rest] = [domain.sensors.length - 1, reading]; j >= 0; j -= 1) {
+    const labels = domain.sensors[j];
+    words[j] = labels[rest % labels.length];
+    rest = Math.floor(rest / labels.length);
+  }
+  return words;
+}
+
+/** Cells coloured by the belief that what is hidden is there: `cells` has one for every feature, some may share one. */
+function heatMap(cells, at, svg) {
+  const features = new Map();
+  cells.forEach((cell, i) => features.set(cell.join(), [...(features.get(cell.join()) ?? []), i]));
+  const drawn = [...features].map(([place, about]) => {
+    const [row, column] = place.split(",").map(Number);
+    const [x, y] = at(column, row);
+    const cell = draw("rect", { x: x - CELL / 2, y: y - CELL / 2, width: CELL, height: CELL, class: "heat" });
+    const value = draw("text", { x, y: y + CELL / 2 - 4, class: "probability" });
+    svg.append(cell, value);
+    return { cell, value, about };
+  });
+  return (beliefs) => drawn.forEach(({ cell, value, about }) => {
+    const belief = about.reduce((sum, i) => sum + (beliefs?.[i] ?? 0), 0) / 1000;
+    cell.style.fillOpacity = Math.sqrt(Math.min(belief, 1));
+    value.textContent = belief >= 0.01 ? belief.toFixed(2).replace(/^0/, "") : "";
+  });
+}
+
+/** A map with walls and signs: a robot where one is seen, and where what is hidden may be. */
+function gridWorld(domain) {
+  const { layout } = domain;
+  const at = placing(layout);
+  const svg = board(layout, `Map of ${domain.name}`);
+  const heat = heatMap(layout.hidden_cells.length ? domain.cells : [], at, svg);
+  for (const [sign, column, row] of layout.signs) {
+    const [x, y] = at(column, row);
+    svg.append(draw("text", { x, y: y + 5 }, sign));
+  }
+  const columns = ["x", "y"].map((name) => domain.visible.indexOf(name));
+  const agent = columns[0] < 0 ? null : robot("R", 1);
+  if (agent) svg.append(agent);
+
+  return { svg, show(episode, k) {
+    const over = episode.terminated && k === episode.action.length - 1 && k > 0;
+    const values = episode.visible[over ? k - 1 : k];
+    if (agent) {
+      const [x, y] = at(...columns.map((i) => values[i]));
+      agent.style.transform = `translate(${x}px, ${y - 5}px)`;
+    }
+    heat(over ? null : episode.beliefs[k]);
+  } };
 }
 
 function borderCross(domain) {
@@ -121,13 +181,7 @@ function borderCross(domain) {
   const at = placing(layout);
   const svg = board(layout, `Map of ${domain.name}`);
   const hidden = domain.visible.length === 2;
-  const heat = hidden ? domain.cells.map(([row, column]) => {
-    const [x, y] = at(column, row);
-    const cell = draw("rect", { x: x - CELL / 2, y: y - CELL / 2, width: CELL, height: CELL, class: "heat" });
-    const value = draw("text", { x, y: y + CELL / 2 - 4, class: "probability" });
-    svg.append(cell, value);
-    return { cell, value };
-  }) : [];
+  const heat = heatMap(hidden ? domain.cells : [], at, svg);
   const robots = [robot("1", 1), ...(hidden ? [] : [robot("2", 2)])];
   svg.append(...[...robots].reverse());
 
@@ -141,11 +195,7 @@ function borderCross(domain) {
       const aside = together ? (r ? 10 : -10) : 0;
       each.style.transform = `translate(${x + aside}px, ${y - (hidden ? 5 : 0)}px)`;
     });
-    heat.forEach(({ cell, value }, i) => {
-      const belief = over ? 0 : episode.beliefs[k][i] / 1000;
-      cell.style.fillOpacity = Math.sqrt(belief);
-      value.textContent = belief >= 0.01 ? belief.toFixed(2).replace(/^0/, "") : "";
-    });
+    heat(over ? null : episode.beliefs[k]);
   } };
 }
 
@@ -162,6 +212,11 @@ function beliefLegend(domain) {
       return make("span", {}, swatch, words[belief] ? ` ${words[belief]}` : "");
     });
     legend.append("Belief that a rock is good: ", ...swatches);
+  } else if (domain.layout.kind === "grid") {
+    const robots = domain.visible.includes("x") ? "Round, R: the robot. " : "";
+    const heat = domain.layout.hidden_cells.length
+      ? "Coloured cells: where what is hidden may be, the number is the belief (.34 of 1). " : "";
+    legend.append(`${robots}${heat}Striped: walls.`);
   } else if (domain.features.length > 0) {
     legend.append("Round, 1: robot 1. Coloured cells: where robot 2 may be, the number is the belief (.34 of 1).");
   } else {
@@ -172,6 +227,6 @@ function beliefLegend(domain) {
 
 /** The picture for a domain; null for those whose layout nobody has described. */
 function picture(domain) {
-  const kinds = { rocksample: rockSample, bordercross: borderCross };
+  const kinds = { rocksample: rockSample, bordercross: borderCross, grid: gridWorld };
   return kinds[domain.layout.kind]?.(domain) ?? null;
 }

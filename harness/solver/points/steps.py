@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from harness.model.domain import Domain
 from harness.model.indexing import spans, strides
+from harness.model.joining import joined
 from harness.model.tables import Records, Tables
 
 
@@ -78,6 +79,7 @@ class _Rows(NamedTuple):
 
 def entries_of(domain: Domain) -> int:
     """How many entries :func:`steps_of` makes at most."""
+    domain = joined(domain)
     rows, t = _rows_of(domain), domain.tables
     readings = (t.reading_probability > 0).sum(axis=1)[t.outcomes["reading"]]
     before = np.concatenate([[0], np.cumsum(readings)])
@@ -86,7 +88,8 @@ def entries_of(domain: Domain) -> int:
 
 def steps_of(domain: Domain) -> Steps:
     """The rows of a domain under its true reward."""
-    rows, t = _rows_of(domain), domain.shaped("none").tables
+    domain = joined(domain.shaped("none"))
+    rows, t = _rows_of(domain), domain.tables
     place, row = spans(rows.first, rows.outcomes)
     reward = np.zeros(len(rows.choice))
     np.add.at(reward, row, t.outcomes["probability"][place] * t.outcomes["reward"][place])
@@ -166,6 +169,7 @@ class Start(NamedTuple):
 
 def starts(domain: Domain) -> list[Start]:
     """All ways to begin: visible values, split by the first reading where that tells of what is hidden."""
+    domain = joined(domain)
     t = domain.arrays
     weight = np.diff(t["start_cdf"], prepend=0.0)
     ways = []

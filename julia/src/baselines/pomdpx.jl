@@ -16,7 +16,10 @@ function write_pomdpx(io::IO, m::POMDP)
     println(io, "<Variable>")
     state_variable(io, "visible", nvisible(m), true)
     foreach(k -> state_variable(io, "f$k", hidden_sizes(m)[k], false), eachindex(hidden_sizes(m)))
-    println(io, """<ObsVar vname="reading"><NumValues>$(length(observations(m)))</NumValues></ObsVar>""")
+    tells(m) && println(io, """<ObsVar vname="reading"><NumValues>$(nown(m))</NumValues></ObsVar>""")
+    for (j, n) in enumerate(sensor_sizes(m))
+        println(io, """<ObsVar vname="sensor$j"><NumValues>$n</NumValues></ObsVar>""")
+    end
     println(io, """<ActionVar vname="action"><NumValues>$(length(actions(m)))</NumValues></ActionVar>""")
     foreach(k -> println(io, """<RewardVar vname="reward$k"/>"""), 0:length(hidden_sizes(m)))
     println(io, "</Variable>")
@@ -26,6 +29,9 @@ function write_pomdpx(io::IO, m::POMDP)
     write_rewards(io, m)
     println(io, "</pomdpx>")
 end
+
+"Whether there is a variable for the steps' own observations: where they tell something, or nothing else does."
+tells(m) = nown(m) > 1 || !has_sensors(m)
 
 "Factor sizes, with a factor of one value where the model has none: the solver wants a hidden variable."
 hidden_sizes(m) = isempty(factor_sizes(m)) ? (1,) : factor_sizes(m)
@@ -45,10 +51,13 @@ end
 
 function write_start(io, m)
     priors = visible_priors(m, initialstate(m))
-    length(priors) == 1 || throw(ArgumentError("the initial visible part is random: not supported in POMDPX output"))
-    v, marginals = only(priors)
+    marginals = first(values(priors))
+    all(≈(marginals), values(priors)) ||
+        throw(ArgumentError("what is hidden at the start hangs on what is visible: not supported in POMDPX output"))
+    seen = zeros(nvisible(m))
+    foreach(((s, p),) -> seen[visible_index(m, s)] += p, weighted_iterator(initialstate(m)))
     println(io, "<InitialStateBelief>")
-    conditional(io, "CondProb", "visible_0", ["null"], [("-", words(one_hot(v, nvisible(m))))])
+    conditional(io, "CondProb", "visible_0", ["null"], [("-", words(seen))])
     for k in eachindex(hidden_sizes(m))
         table = isempty(factor_sizes(m)) ? "1.0" : words(marginals[offset(m, k) .+ (1:factor_sizes(m)[k])])
         conditional(io, "CondProb", "f$(k)_0", ["null"], [("-", table)])
@@ -124,7 +133,7 @@ function write_observations(io, m)
             for (sp, p) in weighted_iterator(transition(m, s, a))
                 p > 0 || continue
                 known = get!(Dict{Int,Vector{Float64}}, tables, (i, visible_index(m, sp), k))
-                table = reading_table(m, observation(m, s, a, sp))
+                table = reading_table(m, own_reading(m, s, a, sp))
                 get!(known, k == 0 ? 1 : factor_value(m, sp, k), table) == table ||
                     throw(ArgumentError("the observation depends on the previous state: not expressible, use native-sarsop"))
             end
@@ -137,20 +146,34 @@ function write_observations(io, m)
     parents = factor_parents(cases)
     # The first entry holds wherever no later one does: where nothing hidden matters and the first observation is sure,
     # and in cases that no state leads to, for which the solver still wants a distribution.
-    default = one_hot(1, length(observations(m)))
+    default = one_hot(1, nown(m))
     anything = join(["*", "*", ("*" for _ in parents)..., "-"], " ") => words(default)
     println(io, "<ObsFunction>")
-    conditional(
+    tells(m) && conditional(
         io, "CondProb", "reading", ["action"; "visible_1"; ["f$(k)_1" for k in parents]],
         [anything; [instance_words(c, parents) * " -" => words(c.table) for c in cases if c.k > 0 || c.table != default]],
     )
+    foreach(j -> write_sensor(io, m, j), eachindex(sensor_sizes(m)))
     println(io, "</ObsFunction>")
 end
 
+"What sensor `j` reads by action, next visible value and next value of its factor."
+function write_sensor(io, m, j)
+    k, n = sensor_factors(m)[j], sensor_sizes(m)[j]
+    entries = ["* * * -" => words(one_hot(1, n))]
+    for v in 1:nvisible(m), x in 1:factor_sizes(m)[k]
+        is_terminal_value(m, v) && continue
+        tables = [label_table(m, j, action_at(m, i), representative(m, v, k, x), n) for i in eachindex(actions(m))]
+        named = allequal(tables) ? ["*" => first(tables)] : ["a$(i - 1)" => table for (i, table) in enumerate(tables)]
+        append!(entries, ["$a s$(v - 1) s$(x - 1) -" => words(table) for (a, table) in named])
+    end
+    conditional(io, "CondProb", "sensor$j", ["action", "visible_1", "f$(k)_1"], entries)
+end
+
 function reading_table(m, d)
-    table = zeros(length(observations(m)))
+    table = zeros(nown(m))
     for (o, p) in weighted_iterator(d)
-        table[obsindex(m, o)] += p
+        table[own_index(m, o)] += p
     end
     return table
 end
