@@ -43,7 +43,7 @@ COARSE, ROUNDS = 2, 1
 either costs steps and found nothing more in evolved programs, whose constants seldom matter to one another."""
 
 SHORT: dict[str, Any] = {"iterations": 12, "cooling": 0.75, "decay": 20.0, "situations": 500}
-"""Settings of the ascent: one constant's search by lines costs about as much as an iteration for all of them."""
+"""Settings of the ascent: a whole one, but few steps and few situations."""
 
 _SAMPLES = 300  # sentences that tell whether a grammar has constants
 
