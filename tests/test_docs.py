@@ -32,7 +32,7 @@ def test_the_python_of_a_page_runs(path):
 
 
 def test_the_program_and_the_grammar_shown_are_ones(rocksample, tmp_path):
-    program, grammar = blocks(ROOT / "docs" / "programs.md", "text")
+    program, grammar, *_ = blocks(ROOT / "docs" / "programs.md", "text")
     assert parse(program, words_of(rocksample)).length == 4
     file = tmp_path / "shown.bnf"
     file.write_text(grammar, encoding="utf-8")
