@@ -38,7 +38,7 @@ def load(name: str | Path) -> Domain:
         return formats.load(path)
     raise HarnessError(
         f"no domain {quoted(name)}{nearest(str(name), names())} "
-        f"(known: {', '.join(names())}; or a file: .npz, .pomdp, .pomdpx, .jl)"
+        "(`harness domains` lists them; or a file: .npz, .pomdp, .pomdpx, .jl)"
     )
 
 

@@ -282,7 +282,7 @@ def test_the_words_of_evolutions_parameters_are_those_that_there_are():
 
     assert tuple(initialisation.METHODS) == parameters.INITIALISATIONS
     assert tuple(operators.CROSSOVERS) == parameters.CROSSOVERS
-    assert tuple(operators.MUTATIONS) == parameters.MUTATIONS
+    assert (*operators.MUTATIONS, parameters.EDITS) == parameters.MUTATIONS
 
 
 @pytest.mark.parametrize(

@@ -158,5 +158,5 @@ def test_hand_written_ones_come_first(capsys):
         assert main(["grammar", name, *options]) == 0
         assert capsys.readouterr().out == registry.grammar_path(shipped).read_text(encoding="utf-8")
     assert "derived from its words" in harness.grammar("rocksample-11x11")
-    assert main(["grammar", "rocksample-8x7"]) == 2
-    assert "did you mean 'rocksample-7x8'" in capsys.readouterr().err
+    assert main(["grammar", "bordercros-7x8"]) == 2
+    assert "did you mean 'bordercross-7x8'" in capsys.readouterr().err

@@ -686,13 +686,13 @@ class TestReplays:
 
     def test_a_domain_of_ones_own(self, rocksample, tmp_path, capsys):
         """Without a layout: no map, but everything else."""
-        own = dataclasses.replace(rocksample, name="tiger", layout={"kind": "none"})
-        domain.save(own, tmp_path / "tiger.npz")
+        own = dataclasses.replace(rocksample, name="lion", layout={"kind": "none"})
+        domain.save(own, tmp_path / "lion.npz")
         table = harness.compare(own, ["random"], episodes=5, engine="tables")
         (tmp_path / "t.json").write_text(harness.render(table, "json"))
         found = write(tmp_path, tmp_path / "t.json")
-        assert "No replay of random: no domain 'tiger'" in found.text
-        arguments = ["--out", str(tmp_path / "out"), "--domain", str(tmp_path / "tiger.npz")]
+        assert "No replay of random: no domain 'lion'" in found.text
+        arguments = ["--out", str(tmp_path / "out"), "--domain", str(tmp_path / "lion.npz")]
         assert main(["report", str(tmp_path / "t.json"), *arguments]) == 0
         assert f"{tmp_path / 'out' / 'index.html'}: " in capsys.readouterr().out
         record = Reader((tmp_path / "out" / "index.html").read_text(encoding="utf-8")).data[-1]

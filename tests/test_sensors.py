@@ -293,9 +293,9 @@ def test_words_of_no_sensor_are_refused(vision, text, message):
 def test_the_default_grammar_asks_each_sensor(vision):
     grammar = grammar_for(vision, None)
     text = grammar.text
-    assert "<sensor1> ' == \"'<label1>'\"'" in text
-    assert '"1" | "2" | "3"' in text
-    assert '"good" | "bad"' in text
+    assert "<sensor-1> == <label-1>" in text
+    assert "1 | 2 | 3" in text
+    assert """'"good"' | '"bad"'""" in text
     draw, asked = np.random.default_rng(0), 0
     for _ in range(200):
         if (found := derive(grammar, draw.integers(0, 256, 60, dtype=np.int32)).phenotype) is not None:

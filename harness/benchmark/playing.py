@@ -36,7 +36,7 @@ class Played(NamedTuple):
     """What came out of them."""
 
     arrays: dict[str, NDArray[Any]]
-    """Of :class:`~harness.play.evaluation.Evaluation`, by :data:`ARRAYS`."""
+    """Of :class:`~harness.play.evaluation.Evaluation`, by ``ARRAYS``."""
     seconds: float
     """On one core, code compiled before or on the way."""
 

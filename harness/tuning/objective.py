@@ -73,7 +73,7 @@ class Episodes:
         return returns
 
     def smooth(self, ask: Ask) -> Vector:
-        """(1 + d,) the smooth return by :attr:`measure`, and its gradient.
+        """(1 + d,) the smooth return by ``measure``, and its gradient.
 
         Raises:
             PolicyError: the policy has none by the numbers that are tuned.

@@ -1,6 +1,6 @@
 """A program whose comparisons of beliefs are gates: both ways are gone, each with its probability.
 
-The constants are the program's, in the order of its text (:attr:`harness.program.Program.constants`).
+The constants are the program's, in the order of its text (:attr:`~harness.program.compiled.Program.constants`).
 """
 
 from __future__ import annotations
