@@ -44,8 +44,8 @@ napoleon_numpy_docstring = False
 GoogleDocstring._parse_attribute_docstring = GoogleDocstring._consume_to_end
 
 # Types of other packages would need their inventories, and so a network; a type of ours must be found.
-# Where autodoc cannot resolve an annotation (behind functools.lru_cache, in a dataclass of another module's class) it links
-# the bare name, which several classes may have.
+# Where autodoc cannot resolve an annotation (behind functools.lru_cache, in a dataclass of another module's class) it
+# links the bare name, which several classes may have.
 suppress_warnings = ["ref.python"]
 nitpick_ignore_regex = [("py:class", r"(?!harness\.).*"), ("py:class", r"harness\..*\._\w+")]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fnmatch
 import json
 import os
 import re
@@ -332,9 +333,13 @@ def tuned_folder(rng: Rng, folder: Path) -> None:
 
 
 def reproduced_folder(rng: Rng, folder: Path) -> None:
-    with _copy_damaged(rng, folder / "reproduction", ("report.md", "figure4.txt", "figure7.txt")) as run:
+    with _copy_damaged(rng, folder / "reproduction", ("report.md", "figure4.txt", "figure7.txt", "front*")) as run:
         (run / "report.md").unlink(missing_ok=True)
         reproduce(run, REPRODUCED, workers=1)
+
+
+def _is_one(name: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatch.fnmatch(name, pattern) for pattern in patterns)
 
 
 @contextlib.contextmanager
@@ -343,7 +348,7 @@ def _copy_damaged(rng: Rng, source: Path, spared: tuple[str, ...] = ()) -> Itera
     shutil.copytree(source, run)
     try:
         for _ in range(int(rng.integers(1, 3))):
-            files = [path for path in run.rglob("*") if path.is_file() and path.name not in spared]
+            files = [path for path in run.rglob("*") if path.is_file() and not _is_one(path.name, spared)]
             _damage_file(rng, pick(rng, sorted(files)))
         for path in sorted(run.rglob("*")):
             if path.suffix in (".json", ".csv", ".txt", ".bnf", ".md") and path.is_file():

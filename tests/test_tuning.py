@@ -24,6 +24,7 @@ from harness.tuning.method import configure
 from harness.tuning.objective import Episodes
 from harness.tuning.run import METHODS, climb
 from harness.tuning.score import ScoreFunction
+from tests.conftest import size
 from tests.test_cli import NO_JULIA, PATIENCE
 
 QUICK = {  # settings that make a run on real episodes short
@@ -257,7 +258,7 @@ class TestRuns:
             end = evaluate(rocksample, result.best.policy, episodes=2000, engine="tables").score
             assert end.mean > best["mean"] - 3 * best["sem"]
 
-    @pytest.mark.parametrize("method", METHODS)
+    @pytest.mark.parametrize("method", size([m for m in METHODS if m != "autodiff"], METHODS))  # a minute of compiling
     def test_interrupted_anywhere_and_resumed_it_is_the_same_run(self, rocksample, method, tmp_path, monkeypatch):
         def go(folder, **more):
             return harness.tune(

@@ -193,7 +193,7 @@ def _parsed(lines: Sequence[str], program: Program) -> Iterator[Program]:
 
 
 def acting(domain: Domain, program: Program, *, seed: int = 0, horizon: int = HORIZON) -> NDArray[np.float64]:
-    """(lines,) how often each line of :attr:`~harness.program.compiled.Program.text` acts in an episode, the mean of 1,000 episodes of a seed."""
+    """(lines,) how often each line of a program's text acts in an episode, the mean of 1,000 episodes of a seed."""
     follow, counts = ProgramPolicy(program), np.zeros(program.text.count("\n"))
     for step in simulate(domain, ProgramPolicy(program), "tables", seed, 0, _ACTING, horizon):
         if step.actions is None:

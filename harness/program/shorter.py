@@ -8,7 +8,7 @@ _STEP = "    "  # what the printer indents a block by
 
 
 def candidates(lines: Sequence[str], at: int) -> Iterator[list[str]]:
-    """Texts without something of the statement that begins on line ``at`` of a printed program (:attr:`~harness.program.compiled.Program.text`).
+    """Texts without something of the statement that begins on line ``at`` of a printed program (``Program.text``).
 
     First without the statement, then without its ``else``, then without its condition. Not all of them are programs:
     a block may have lost its last statement.
