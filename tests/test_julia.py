@@ -227,7 +227,7 @@ def test_errors_of_julia_are_one_sentence(tmp_path):
     path.write_text("1 + 1")
     with pytest.raises(harness.JuliaError, match=r"must be a POMDPs\.jl model"):
         harness.load(str(path))
-    with pytest.raises(harness.JuliaError, match="no domain 'nowhere'; known: rocksample-7x8"):
+    with pytest.raises(harness.JuliaError, match="no domain 'nowhere'; known: rocksample-4x4"):
         bridge.export("nowhere")
 
 
