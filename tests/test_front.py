@@ -78,6 +78,15 @@ def test_a_run_has_a_front_whose_programs_are_policies(rocksample, tmp_path):
         result.pick(len(result.front))
 
 
+def test_the_front_shows_returns_without_the_penalty_for_length(rocksample):
+    result = harness.evolve(rocksample, "rocksample-feedback", engine="tables", penalty=1.0, free_length=0, **RUN)
+    p = result.parameters
+    fitness = ProgramFitness(rocksample, p, "tables", 1)
+    for k, row in result.front.iterrows():
+        judged = fitness.judge([result.pick(k).program], (p.generations + 1) * p.episodes, p.validation_episodes)
+        assert row["validation"] == pytest.approx(judged.means[0], abs=1e-9)
+
+
 def test_selection_has_seen_what_is_in_the_hall(rocksample, tmp_path):
     """An entry's mean is that of its program on the episodes of its generation."""
     p = Parameters(**RUN)

@@ -283,10 +283,16 @@ def _finish(
         workers=setup.workers,
     )
     best = Best(winner, by_text.get(winner.text, math.nan), float(finalists["validation"][0]), result.score)
-    found = Evolution(setup.domain.name, p, history, finalists, front(compared), best)
+    found = Evolution(setup.domain.name, p, history, finalists, front(_unpenalized(compared, p)), best)
     if folder:
         folder.finish(_record(setup, best), finalists, found.front)
     return found
+
+
+def _unpenalized(compared: pd.DataFrame, p: Parameters) -> pd.DataFrame:
+    """The comparison without the penalty for length: a front of return against length shows that by itself."""
+    excess = (compared["length"] - p.free_length).clip(lower=0)
+    return compared.assign(validation=compared["validation"] + p.penalty * excess)
 
 
 def _compared(fitness: ProgramFitness, texts: Sequence[str], by_text: Mapping[str, float]) -> pd.DataFrame:
