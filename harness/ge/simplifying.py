@@ -155,25 +155,27 @@ def program_of(domain: Domain, given: Program | ProgramPolicy | str) -> Program:
 def _least(program: Program, first: _Search, exact: bool) -> Program:
     """The program without all that can go one after the other."""
     while True:
-        at = program.text.count("\n") - 1
-        while at >= 0:
-            program = first(_without(program, at)) or program
-            at = min(at, program.text.count("\n")) - 1
-        found = first(_singles(program)) or (first(_pairs(program)) if exact else None)
-        if found is None:
+        found = _pass(program, first)
+        if found is program and exact:
+            found = first(_pairs(program)) or program
+        if found is program:
             return program
         program = found
+
+
+def _pass(program: Program, first: _Search) -> Program:
+    """Without the pieces that can go, each tried once, from the last line to the first; itself where none can."""
+    at = program.text.count("\n") - 1
+    while at >= 0:
+        program = first(_without(program, at)) or program
+        at = min(at, program.text.count("\n")) - 1
+    return program
 
 
 def _without(program: Program, at: int) -> Iterator[Program]:
     """The program with a piece less of the statement on a line."""
     for lines in shorter.candidates(program.text.splitlines(), at):
         yield from _parsed(lines, program)
-
-
-def _singles(program: Program) -> Iterator[Program]:
-    for at in reversed(range(program.text.count("\n"))):
-        yield from _without(program, at)
 
 
 def _pairs(program: Program) -> Iterator[Program]:
