@@ -7,7 +7,7 @@ and ends with the same file.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -72,10 +72,7 @@ def _is_whole(fields: Mapping[str, type], entry: Any) -> bool:
     return (
         isinstance(entry, dict)
         and all(type(entry.get(name)) is kind for name, kind in fields.items())
-        and _are_lines(entry.get("program"))
+        and isinstance(lines := entry.get("program"), list)
+        and all(isinstance(line, str) for line in lines)
         and all(math.isfinite(entry[name]) for name in fields)
     )
-
-
-def _are_lines(given: Any) -> bool:
-    return isinstance(given, Sequence) and not isinstance(given, str) and all(isinstance(line, str) for line in given)

@@ -231,7 +231,7 @@ def _of_paynt(record: dict[str, Any], domain: Domain) -> Nodes:
     labels = record.get("observation_labels")
     if not isinstance(labels, list) or len(labels) != seen:
         raise PolicyError("observation_labels must be a list of num_observations names")
-    spelled = _spelled_readings(domain)
+    spelled, actions = _spelled_readings(domain), _spelled_actions(domain)
     action, following = _tables(count, domain)
     for z, label in enumerate(labels):
         if label == _INIT and label not in spelled:
@@ -240,7 +240,7 @@ def _of_paynt(record: dict[str, Any], domain: Domain) -> Nodes:
             raise PolicyError(f"{quoted(label)} is no reading of {domain.name} as `harness export` spells it")
         visible, column = spelled[label]
         for node in range(count):
-            action[node, visible, column] = _action(does[node][z], record.get("action_labels"), domain)
+            action[node, visible, column] = _action(does[node][z], record.get("action_labels"), actions, domain)
             following[node, visible, column] = _number(goes[node][z], count)
     start = _number(goes[0][labels.index(_INIT)], count) if _INIT in labels and _INIT not in spelled else 0
     return Nodes(start, action, following)
@@ -262,8 +262,15 @@ def _is_table(table: Any, rows: Any, columns: Any) -> bool:
     )
 
 
-def _action(given: Any, labels: Any, domain: Domain) -> int:
-    """An action by the number of its label, which PAYNT puts in brackets; of a distribution the only one it has."""
+def _spelled_actions(domain: Domain) -> dict[str, int]:
+    """Actions by what PAYNT may call them: the names of the domain's ``.pomdp`` file, which it puts in brackets."""
+    spelled = {name: a for a, name in enumerate(naming.identifiers(domain.actions, "a"))}
+    own = {name: a for a, name in enumerate(domain.actions)}
+    return {f"({name})": a for name, a in spelled.items()} | spelled | own
+
+
+def _action(given: Any, labels: Any, actions: dict[str, int], domain: Domain) -> int:
+    """An action by the number of its label; of a distribution the only one it has."""
     if isinstance(given, dict):
         if len(given) != 1:
             raise PolicyError("its actions are random; a controller with one action a node and observation is needed")
@@ -274,11 +281,9 @@ def _action(given: Any, labels: Any, domain: Domain) -> int:
     if not isinstance(labels, list) or not 0 <= number < len(labels):
         raise PolicyError(f"action_labels names no action {quoted(given)}")
     label = str(labels[number])
-    spelled = naming.identifiers(domain.actions, "a")
-    for names, name in ((domain.actions, label), (spelled, label), (spelled, label[1:-1])):
-        if name in names:
-            return names.index(name)
-    raise PolicyError(f"{quoted(label)} is no action of {domain.name}")
+    if label not in actions:
+        raise PolicyError(f"{quoted(label)} is no action of {domain.name}")
+    return actions[label]
 
 
 def _number(given: Any, count: int) -> int:
