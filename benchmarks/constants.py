@@ -56,7 +56,7 @@ def with_sensor(domain: Domain, half: float, best: float) -> Domain:
 
 def evolved(domain: Domain, arm: str, seed: int, steps: int) -> float:
     """Exact return of what an evolution finds within so many steps."""
-    p = Parameters(seed=seed, **SHARED, **ARMS[arm])  # type: ignore[arg-type]
+    p = Parameters(seed=seed, **SHARED, **ARMS[arm])
     grammar, fitness, spent = grammar_for(domain, "rocksample-const"), ProgramFitness(domain, p, "tables", 1), 0
     refine = Refiner(grammar, fitness) if p.refine else None
     for generation in loop.evolve(grammar, p, fitness, loop.first_population(grammar, p), refine=refine):

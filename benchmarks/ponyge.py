@@ -103,7 +103,7 @@ def ponyge(folder: Path, generations: int, make: Any) -> tuple[float, float]:
             return fitness(ind.phenotype)
 
     sys.modules["fitness.Pomdp"] = types.ModuleType("fitness.Pomdp")
-    sys.modules["fitness.Pomdp"].Pomdp = Pomdp  # type: ignore[attr-defined]
+    sys.modules["fitness.Pomdp"].Pomdp = Pomdp
     grammar = Path(source) / "pomdp.bnf"
     text = registry.grammar_path("rocksample").read_text(encoding="utf-8")
     grammar.write_text("".join(line for line in text.splitlines(True) if not line.startswith("#")), encoding="utf-8")

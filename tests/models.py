@@ -111,6 +111,22 @@ class Builder:
         return domains.from_export(record, {name: np.asarray(array) for name, array in arrays.items()})
 
 
+def walk_and_sample(b, n, number, rocks, cell, reading, illegal):
+    """The first five actions of RockSample in a cell: up, right, down, left, sample; the exit comes after all cells."""
+    (x, y), v = cell, number[cell]
+    for dx, dy in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+        if x + dx == n:
+            b.choice(-1, [[(len(number), 0, 1.0, reading, 10.0)]])
+        elif (x + dx, y + dy) in number:
+            b.choice(-1, [[(number[x + dx, y + dy], 0, 1.0, reading, 0.0)]])
+        else:
+            b.choice(-1, [[(v, 0, 1.0, reading, illegal)]])
+    if cell in rocks:
+        b.choice(rocks.index(cell), [[(v, 0, 1.0, reading, -10.0)], [(v, 0, 1.0, reading, 10.0)]])
+    else:
+        b.choice(-1, [[(v, 0, 1.0, reading, 0.0)]])
+
+
 def rocksample(n, rocks, start, discount=0.95, d0=20.0, illegal=-100.0):
     """RockSample(n, k) by SPEC's rules: 0-based rocks (column, row), actions up right down left sample check…"""
     k = len(rocks)
@@ -121,17 +137,7 @@ def rocksample(n, rocks, start, discount=0.95, d0=20.0, illegal=-100.0):
     exit_ = len(cells)
     for x, y in cells:
         v = number[x, y]
-        for dx, dy in ((0, 1), (1, 0), (0, -1), (-1, 0)):
-            if x + dx == n:
-                b.choice(-1, [[(exit_, 0, 1.0, none, 10.0)]])
-            elif (x + dx, y + dy) in number:
-                b.choice(-1, [[(number[x + dx, y + dy], 0, 1.0, none, 0.0)]])
-            else:
-                b.choice(-1, [[(v, 0, 1.0, none, illegal)]])
-        if (x, y) in rocks:
-            b.choice(rocks.index((x, y)), [[(v, 0, 1.0, none, -10.0)], [(v, 0, 1.0, none, 10.0)]])
-        else:
-            b.choice(-1, [[(v, 0, 1.0, none, 0.0)]])
+        walk_and_sample(b, n, number, rocks, (x, y), none, illegal)
         for i, (rx, ry) in enumerate(rocks):
             right = 0.5 + 0.5 * 2.0 ** (-np.hypot(x - rx, y - ry) / d0)
             good, bad = b.reading([0, right, 1 - right]), b.reading([0, 1 - right, right])
@@ -150,18 +156,7 @@ def field_vision(n, rocks, start, discount=0.95, d0=20.0, illegal=-100.0):
     number = {cell: i for i, cell in enumerate(cells)}
     exit_ = len(cells)
     for x, y in cells:
-        v = number[x, y]
-        for dx, dy in ((0, 1), (1, 0), (0, -1), (-1, 0)):
-            if x + dx == n:
-                b.choice(-1, [[(exit_, 0, 1.0, nothing, 10.0)]])
-            elif (x + dx, y + dy) in number:
-                b.choice(-1, [[(number[x + dx, y + dy], 0, 1.0, nothing, 0.0)]])
-            else:
-                b.choice(-1, [[(v, 0, 1.0, nothing, illegal)]])
-        if (x, y) in rocks:
-            b.choice(rocks.index((x, y)), [[(v, 0, 1.0, nothing, -10.0)], [(v, 0, 1.0, nothing, 10.0)]])
-        else:
-            b.choice(-1, [[(v, 0, 1.0, nothing, 0.0)]])
+        walk_and_sample(b, n, number, rocks, (x, y), nothing, illegal)
         right = [0.5 + 0.5 * 2.0 ** (-np.hypot(x - rx, y - ry) / d0) for rx, ry in rocks]
         for _ in range(5):
             b.sense([[[1 - p, p], [p, 1 - p]] for p in right])

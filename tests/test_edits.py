@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import shutil
+from functools import partial
 
 import numpy as np
 import pytest
@@ -155,7 +156,7 @@ class TestTours:
         guarded = vocabulary.guarded[words_of(rocksample).actions["up()"]][0]
         moves = Moves(rocksample)
         places = [
-            tour.read([guarded, *items], int(moves.starts[0]), moves, vocabulary, lambda: taken)[-1].place  # noqa: B023
+            tour.read([guarded, *items], int(moves.starts[0]), moves, vocabulary, partial(bool, taken))[-1].place
             for taken in (False, True)
         ]
         assert rocksample.visible_values[places].tolist() == [[1, 5], [1, 6]]

@@ -12,7 +12,7 @@ import harness
 from harness.cli import main
 from harness.regression import checking, computing, single, stored
 from tests.test_cli import misuse
-from tests.test_score_check import check, edit, play_instead
+from tests.test_score_check import check, edit, play_instead, with_scores
 
 LIST = """\
 [[score]]
@@ -35,10 +35,7 @@ engine = "tables"
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scores") / "scores.toml"
-    path.write_text(LIST)
-    assert main(["check", str(path), "--update"]) == 0
-    return path.read_text()
+    return with_scores(tmp_path_factory, LIST)
 
 
 @pytest.fixture

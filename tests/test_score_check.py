@@ -40,12 +40,17 @@ engine = "tables"
 """
 
 
-@pytest.fixture(scope="module")
-def shared(tmp_path_factory):
+def with_scores(tmp_path_factory, rows):
+    """A list of rows with their scores stored below it."""
     path = tmp_path_factory.mktemp("scores") / "scores.toml"
-    path.write_text(LIST)
+    path.write_text(rows)
     assert main(["check", str(path), "--update"]) == 0
     return path.read_text()
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    return with_scores(tmp_path_factory, LIST)
 
 
 @pytest.fixture

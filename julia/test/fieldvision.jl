@@ -53,16 +53,3 @@ end
     @test H.describe(m)["sensors"][2] == Any["2", 1, ["good", "bad"]]
     @test !haskey(H.describe(SMALL_ROCKS), "sensors") && size(H.tables(SMALL_ROCKS).sensor_row, 2) == 0
 end
-
-@testset "no allocation an episode and step" begin
-    m = instance("fieldvision-rocksample-5x5").make()
-    stepped(E) = begin
-        b = buffers(m, E)
-        sim = H.Simulator(m, b)
-        H.reset!(sim)
-        H.step!(sim)
-        return @allocated H.step!(sim)
-    end
-    stepped(1000)
-    @test stepped(100_000) - stepped(1000) < 10_000
-end

@@ -93,7 +93,8 @@ end
 end
 
 @testset "no allocation an episode and step" begin
-    for m in (instance("rocksample-7x8").make(), instance("bordercross-7x8-random").make())
+    for name in ("rocksample-7x8", "bordercross-7x8-random", "fieldvision-rocksample-5x5")
+        m = instance(name).make()
         stepped(E) = begin
             b = buffers(m, E)
             sim = H.Simulator(m, b)
