@@ -92,6 +92,11 @@ class Grammar:
         return max(len(p.symbols) for p in self.productions)
 
     @cached_property
+    def longest_terminal(self) -> int:
+        """Characters of the longest terminal."""
+        return max(map(len, self.terminals), default=0)
+
+    @cached_property
     def lists(self) -> dict[int, list[int]]:
         """Of each rule that is a list, such as <a> ::= <b> | <a> <b>: the productions that hold the rule itself."""
         found: dict[int, list[int]] = {}

@@ -142,7 +142,8 @@ def evolve(
     this order. ``mutate`` stands in for the mutation that ``p`` names.
     """
     mutate = mutate or MUTATIONS[p.mutation]
-    generation = _evaluate(grammar, p, fitness, population, start, past or no_past(len(population)))
+    individuals = [_mapped(grammar, p, codons) for codons in population]
+    generation = _evaluate(p, fitness, individuals, start, past or no_past(len(population)))
     while True:
         for lesson in lessons:
             if generation.number and generation.number % lesson.every == 0:
@@ -152,10 +153,10 @@ def evolve(
             return
         cost, past = 0, generation.past
         if p.replacement == "steady-state":
-            population, cost = _steady_state(grammar, p, fitness, generation, mutate)
+            individuals, cost = _steady_state(grammar, p, fitness, generation, mutate)
         else:
-            population, past = next_population(grammar, p, generation, mutate)
-        generation = _evaluate(grammar, p, fitness, population, generation.number + 1, past)
+            individuals, past = next_population(grammar, p, generation, mutate)
+        generation = _evaluate(p, fitness, individuals, generation.number + 1, past)
         generation = generation._replace(cost=generation.cost + cost)
 
 
@@ -172,7 +173,7 @@ def _taught(grammar: Grammar, p: Parameters, fitness: Fitness, lesson: Lesson, g
     row_of |= {text: len(phenotypes) + k for k, text in enumerate(different)}
     rows = np.arange(len(phenotypes))
     for i, new in zip(chosen, learnt, strict=True):
-        individuals[i] = Parent(new.codons, derive(grammar, new.codons, p.max_wraps))
+        individuals[i] = _mapped(grammar, p, new.codons)
         phenotypes[i], rows[i] = new.phenotype, row_of[new.phenotype]
     return generation._replace(
         individuals=individuals,
@@ -192,19 +193,19 @@ def _of_both(
 
 def next_population(
     grammar: Grammar, p: Parameters, generation: Generation, mutate: Mutate
-) -> tuple[list[Codons], Past]:
+) -> tuple[list[Parent], Past]:
     """Survivors and children of selected parents, group by group; and what they hand on."""
     rng, number = _generator(p, generation.number + 1), generation.number + 1
     pools = structure.pools(p, generation.fitness, generation.past.born, number)
-    population: list[Codons] = []
+    population: list[Parent] = []
     born: list[int] = []
     for places, members in zip(structure.groups(p), pools, strict=True):
         if len(members):
             bred = _bred(grammar, p, generation, members, len(places), mutate, rng)
         else:
             new = METHODS[p.initialisation](grammar, len(places), p.max_init_depth, p.codon_size, p.tail, rng)
-            bred = [(codons, number) for codons in new]
-        population += [codons for codons, _ in bred]
+            bred = [(_mapped(grammar, p, codons), number) for codons in new]
+        population += [individual for individual, _ in bred]
         born += [birth for _, birth in bred]
     seen = generation.past.seen
     if p.selection == NOVELTY:
@@ -224,7 +225,7 @@ def _bred(
     room: int,
     mutate: Mutate,
     rng: np.random.Generator,
-) -> list[tuple[Codons, int]]:
+) -> list[tuple[Parent, int]]:
     """As many individuals as there is ``room`` for, survivors and children of ``members``; and when the oldest ancestor
     of each was born."""
     pool = _pool(generation).only(members)
@@ -234,7 +235,7 @@ def _bred(
     kept = selection.survivors(pool, p, room)
     individuals = [generation.individuals[i] for i in members]
     born = generation.past.born[members].tolist()
-    bred = [(individuals[i].codons, born[i]) for i in kept]
+    bred = [(individuals[i], born[i]) for i in kept]
     pairs = selection.parents(pool, kept, p, room + room % 2, rng).reshape(-1, 2)
     for i, j in pairs[: (room - len(kept) + 1) // 2]:
         children = _children(grammar, p, individuals[i], individuals[j], mutate, rng)
@@ -244,7 +245,7 @@ def _bred(
 
 def _steady_state(
     grammar: Grammar, p: Parameters, fitness: Fitness, generation: Generation, mutate: Mutate
-) -> tuple[list[Codons], int]:
+) -> tuple[list[Parent], int]:
     """As many children as there are individuals, two at a time, all judged by the generation's episodes; and the cost
     of judging them."""
     rng = _generator(p, generation.number + 1)
@@ -253,34 +254,41 @@ def _steady_state(
     for _ in range(p.population // 2):
         i, j = tournament(scores, p.tournament, 2, rng)
         children = _children(grammar, p, individuals[i], individuals[j], mutate, rng)
-        born = _evaluate(grammar, p, fitness, children, generation.number, no_past(2))
+        born = _evaluate(p, fitness, children, generation.number, no_past(2))
         cost += born.cost
         worst = np.argsort(scores, kind="stable")[:2]
         for k, child in zip(worst, np.argsort(-born.fitness, kind="stable"), strict=True):
             if born.fitness[child] > scores[k]:
                 individuals[k], scores[k] = born.individuals[child], born.fitness[child]
-    return [individual.codons for individual in individuals], cost
+    return individuals, cost
 
 
 def _children(
     grammar: Grammar, p: Parameters, a: Parent, b: Parent, mutate: Mutate, rng: np.random.Generator
-) -> list[Codons]:
+) -> list[Parent]:
     pair = a.codons, b.codons
     if rng.random() < p.crossover_probability:
         pair = CROSSOVERS[p.crossover](a, b, rng)
     children = []
-    for codons in pair:
-        child = codons[: p.max_codons]
-        parent = Parent(child, derive(grammar, child, p.max_wraps))
-        children.append(mutate(grammar, parent, p.mutation_probability, p.codon_size, rng))
+    for codons, parent in zip(pair, (a, b), strict=True):
+        child = _with(grammar, p, parent, codons[: p.max_codons] if len(codons) > p.max_codons else codons)
+        changed = mutate(grammar, child, p.mutation_probability, p.codon_size, rng)
+        children.append(_with(grammar, p, child, changed))
     return children
 
 
-def _evaluate(
-    grammar: Grammar, p: Parameters, fitness: Fitness, population: Sequence[Codons], number: int, past: Past
-) -> Generation:
-    """Map everybody; evaluate each different phenotype once."""
-    individuals = [Parent(codons, derive(grammar, codons, p.max_wraps)) for codons in population]
+def _with(grammar: Grammar, p: Parameters, known: Parent, codons: Codons) -> Parent:
+    """An individual with these codons: operators that change nothing give back the very array, which is mapped
+    already."""
+    return known if codons is known.codons else _mapped(grammar, p, codons)
+
+
+def _mapped(grammar: Grammar, p: Parameters, codons: Codons) -> Parent:
+    return Parent(codons, derive(grammar, codons, p.max_wraps))
+
+
+def _evaluate(p: Parameters, fitness: Fitness, individuals: list[Parent], number: int, past: Past) -> Generation:
+    """Evaluate each different phenotype once."""
     phenotypes = [individual.derivation.phenotype for individual in individuals]
     different = list(dict.fromkeys(text for text in phenotypes if text is not None))
     evaluated = fitness(different, number)
@@ -288,7 +296,7 @@ def _evaluate(
     at = np.array([row_of[text] for text in phenotypes])
     return Generation(
         number,
-        population,
+        [individual.codons for individual in individuals],
         individuals,
         phenotypes,
         rows_of(evaluated.fitness, at),

@@ -7,12 +7,12 @@ derivation or phenotype is larger than any computer should be asked for: rules t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.ge.grammar import Grammar, GrammarArrays
+from harness.ge.grammar import Grammar
 from harness.model.tables import compiled
 
 LARGEST_DERIVATION = 2**20
@@ -23,11 +23,22 @@ LONGEST_PHENOTYPE = 10_000_000
 Codons = NDArray[np.int32]
 
 
-class Derivation(NamedTuple):
-    """How a genotype maps."""
+class Derivation:
+    """How a genotype maps.
 
-    phenotype: str | None
-    """The derived sentence; None for an invalid individual."""
+    The sentence is put together when it is first asked for: breeding derives many genotypes of which it only needs to
+    know how many codons they read.
+    """
+
+    __slots__ = ("_terminals", "_text", "_words", "depth", "nodes", "used")
+
+    def __init__(
+        self, words: Sequence[str], terminals: NDArray[np.int32] | None, used: int, depth: int, nodes: NDArray[np.int32]
+    ) -> None:
+        """``terminals``: numbers of the sentence's ``words``; None for an invalid individual."""
+        self.used, self.depth, self.nodes = used, depth, nodes
+        self._words, self._terminals, self._text = words, terminals, ""
+
     used: int
     """Codons read; more than there are after a wrap."""
     depth: int
@@ -35,50 +46,72 @@ class Derivation(NamedTuple):
     nodes: NDArray[np.int32]
     """(non-terminals, 3) of the tree in preorder: rule, first codon, one past the last codon of the subtree."""
 
+    @property
+    def valid(self) -> bool:
+        """Whether it has come to an end."""
+        return self._terminals is not None
+
+    @property
+    def phenotype(self) -> str | None:
+        """The derived sentence; None for an invalid individual."""
+        if self._terminals is None:
+            return None
+        if not self._text:
+            self._text = "".join(map(self._words.__getitem__, self._terminals.tolist()))
+        return self._text
+
 
 def derive(grammar: Grammar, codons: Codons, max_wraps: int = 0, start: int = 0) -> Derivation:
     """Map codons (any number of whole numbers, 0 and up) to a sentence of the grammar, or of one of its rules."""
-    room = 8 * len(codons) + 2 * grammar.longest + 128
+    g, room = grammar.arrays, 4 * min(len(codons), _MOST_USED) + 2 * grammar.longest + 128
     while True:
-        stack, terminals = np.empty(room, dtype=np.int32), np.empty(room, dtype=np.int32)
-        nodes = np.empty((room, 3), dtype=np.int32)
+        made = np.empty((room, 5), dtype=np.int32)
         status, n_terminals, n_nodes, used, depth = _derive(
-            grammar.arrays, codons, max_wraps, start, stack, terminals, nodes
+            g.rule_first, g.production_first, g.symbols, grammar.longest, codons, max_wraps, start, made
         )
         if status != _NO_ROOM or room > LARGEST_DERIVATION:
             break
         room *= 2
-    parts = list(map(grammar.terminals.__getitem__, terminals[:n_terminals].tolist()))
-    if status != _DONE or sum(map(len, parts)) > LONGEST_PHENOTYPE:
-        return Derivation(None, used, depth, nodes[:0])
-    return Derivation("".join(parts), used, depth, nodes[:n_nodes].copy())
+    if status != _DONE or _characters(grammar, made[:n_terminals, 1]) > LONGEST_PHENOTYPE:
+        return Derivation((), None, used, depth, _NO_NODES)
+    kept = made[: max(n_terminals, n_nodes), 1:].copy()
+    return Derivation(grammar.terminals, kept[:n_terminals, 0], used, depth, kept[:n_nodes, 1:])
+
+
+_NO_NODES = np.empty((0, 3), dtype=np.int32)
+
+
+def _characters(grammar: Grammar, terminals: NDArray[np.int32]) -> int:
+    """Of a sentence, at most: counted one by one only where there may be too many."""
+    most = len(terminals) * grammar.longest_terminal
+    return most if most <= LONGEST_PHENOTYPE else sum(len(grammar.terminals[t]) for t in terminals.tolist())
 
 
 _DONE, _NO_CODONS, _NO_ROOM = range(3)
+_MOST_USED = 256  # codons that most derivations read at most: longer genotypes carry a tail that nothing reads
 _CLOSE = 1 << 24  # above every rule index
 
 
 @compiled
 def _derive(
-    g: GrammarArrays,
+    rule_first: NDArray[np.int32],
+    production_first: NDArray[np.int32],
+    symbols: NDArray[np.int32],
+    longest: int,
     codons: Codons,
     max_wraps: int,
     start: int,
-    stack: NDArray[np.int32],
-    terminals: NDArray[np.int32],
-    nodes: NDArray[np.int32],
+    made: NDArray[np.int32],
 ) -> tuple[int, int, int, int, int]:
     """How it ended, numbers of terminals and nodes, codons used, depth.
 
-    The stack holds symbols still to expand: rules, terminals (~index), and for every expanded node a mark
-    (_CLOSE + its number) where its subtree ends. (Arrays are the caller's: Numba pays for growing one in a loop with
-    reference counts in every round, which made this six times as slow.)
+    ``made`` has columns for the stack, the terminals and the nodes. The stack holds symbols still to expand: rules,
+    terminals (~index), and for every expanded node a mark (_CLOSE + its number) where its subtree ends. (The array is
+    the caller's: Numba pays for growing one in a loop with reference counts in every round, which made this six times
+    as slow; and of a grammar only what is read comes in, for every array takes longer to hand over than to read.)
     """
-    rule_first, production_first, symbols = g.rule_first, g.production_first, g.symbols
+    stack, terminals, nodes = made[:, 0], made[:, 1], made[:, 2:]
     limit, size = len(codons) * (max_wraps + 1), len(codons)
-    longest = 1
-    for i in range(len(production_first) - 1):
-        longest = max(longest, production_first[i + 1] - production_first[i])
     room = len(stack) - longest - 2  # before what one round may add; derive sees to it that there is some
     stack[0], height = start, 1
     n_terminals, n_nodes, used, depth, open_nodes = 0, 0, 0, 0, 0

@@ -27,7 +27,7 @@ class Parent(NamedTuple):
     @property
     def has_tree(self) -> bool:
         """Whether every node of a finished tree has codons of its own (wrapping shares them)."""
-        return self.derivation.phenotype is not None and self.derivation.used <= len(self.codons)
+        return self.derivation.valid and self.derivation.used <= len(self.codons)
 
 
 def tournament(fitness: NDArray[np.float64], size: int, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
@@ -73,17 +73,20 @@ def subtree_crossover(a: Parent, b: Parent, rng: np.random.Generator) -> tuple[C
 
 def per_codon(grammar: Grammar, a: Parent, probability: float, codon_size: int, rng: np.random.Generator) -> Codons:
     """Replace every used codon with a probability by a random one."""
+    hit = (rng.random(a.used) < probability).nonzero()[0]
+    if not len(hit):
+        return a.codons
     codons = a.codons.copy()
-    hit = np.flatnonzero(rng.random(a.used) < probability)
     codons[hit] = rng.integers(0, codon_size, len(hit))
     return codons
 
 
 def per_genome(grammar: Grammar, a: Parent, probability: float, codon_size: int, rng: np.random.Generator) -> Codons:
     """With a probability, replace one used codon by a random one."""
+    if not a.used or rng.random() >= probability:
+        return a.codons
     codons = a.codons.copy()
-    if a.used and rng.random() < probability:
-        codons[rng.integers(a.used)] = rng.integers(0, codon_size)
+    codons[rng.integers(a.used)] = rng.integers(0, codon_size)
     return codons
 
 

@@ -36,6 +36,7 @@ from harness.play.executor import Workers
 from harness.policy.program import ProgramPolicy
 from harness.program import Program, Words
 from harness.program.machine import next_action
+from harness.program.words import BELIEF, INSTRUCTION
 
 
 class Episodes(NamedTuple):
@@ -147,12 +148,10 @@ class _Codes(NamedTuple):
 
 
 def _codes(programs: Sequence[Program]) -> _Codes:
-    return _Codes(
-        np.concatenate([program.code for program in programs]),
-        np.array([len(program.code) for program in programs]),
-        np.array([program.loop for program in programs]),
-        np.array([program.uses_belief for program in programs]),
-    )
+    code = np.frombuffer(b"".join([program.code.tobytes() for program in programs]), INSTRUCTION)
+    lengths = np.array([len(program.code) for program in programs])
+    loops = np.array([program.loop for program in programs])
+    return _Codes(code, lengths, loops, np.logical_or.reduceat(code["op"] == BELIEF, np.cumsum(lengths) - lengths))
 
 
 def memory(domain: Domain, programs: int, episodes: int, horizon: int) -> tuple[str, int]:

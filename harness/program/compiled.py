@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import cards
-from harness.model.tables import Records
+from harness.model.tables import Records, compiled
 from harness.program.liveness import live
 from harness.program.printer import lines
 from harness.program.words import ACT, AGAIN, BELIEF, ELSE, IF, WHILE, Words
@@ -46,12 +46,7 @@ class Program:
     @cached_property
     def length(self) -> int:
         """Number of statements; an ``if`` or ``while`` over a single operation is one statement with it."""
-        op, jump = self.code["op"], self.code["jump"]
-        heads = np.flatnonzero((op == IF) | (op == WHILE))
-        single = op[heads + 1] == ACT
-        long = jump[heads] != 1
-        single[long] &= (jump[heads][long] == 2) & np.isin(op[heads[long] + 2], (ELSE, AGAIN))
-        return int((op == ACT).sum() + len(heads) - single.sum())
+        return int(_statements(self.code))
 
     @cached_property
     def live(self) -> NDArray[np.bool_]:
@@ -83,3 +78,17 @@ class Program:
 
     def _repr_html_(self) -> str:
         return cards.card("Program", f"of {self.length} statements", {}, self.text)
+
+
+@compiled
+def _statements(code: Records) -> int:
+    count = 0
+    for i in range(len(code)):
+        op, jump = code[i].op, code[i].jump
+        if op == ACT:
+            count += 1
+        elif op in (IF, WHILE):
+            single = jump == 1 or (jump == 2 and code[i + 2].op in (ELSE, AGAIN))
+            if not single or code[i + 1].op != ACT:
+                count += 1
+    return count
