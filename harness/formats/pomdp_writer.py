@@ -16,8 +16,8 @@ from harness.errors import HarnessError
 from harness.formats import limits, naming, outgoing
 from harness.formats.outgoing import Arrows
 from harness.model.domain import Domain
-from harness.model.indexing import spans, strides
-from harness.model.joining import joined
+from harness.model.indexing import strides
+from harness.model.joining import joined, joint_steps
 
 Ints = NDArray[np.int64]
 
@@ -99,27 +99,13 @@ def _is_known(domain: Domain) -> bool:
 def _arrows(flat: _Flat) -> Arrows:
     """From action · states + state to the next state."""
     d, t = flat.domain, flat.domain.arrays
-    joint = d.n_joint
-    live = np.flatnonzero(t["first_row"] >= 0)
-    choice, hidden = np.repeat(live, joint), np.tile(np.arange(joint), len(live))
-    k = t["factor"][choice]
-    stride, sizes = _strides(d)[k], np.array([*d.factor_sizes, 1])[k]
-    value = hidden // stride % sizes * (k >= 0)
-    row = t["first_row"][choice] + value
-    begins = t["row_outcomes"].astype(np.int64)
-    outcome, of = spans(begins[row], begins[row + 1] - begins[row])
-    moved = np.where(k[of] >= 0, (t["outcome_value"][outcome] - value[of]) * stride[of], 0)
+    choice, hidden, _, outcome, of, after = joint_steps(d)
     source = choice % d.n_actions * flat.count + flat.state(choice // d.n_actions, hidden)
-    target = flat.state(t["outcome_visible"][outcome].astype(np.int64), hidden[of] + moved)
+    target = flat.state(t["outcome_visible"][outcome].astype(np.int64), after)
     reward = t["outcome_reward"][d.shapings.index(d.shaping)][outcome]
     ends = t["terminal"][t["outcome_visible"][outcome]] & (not flat.merged)
     reading = np.where(ends, 0, t["outcome_observation"][outcome])  # what is read at the end is of no use
     return outgoing.arrows(d.name, source[of], target, t["outcome_probability"][outcome], reward, reading)
-
-
-def _strides(domain: Domain) -> Ints:
-    """(K + 1,) of every factor in the joint value, the last one running fastest; the last entry serves factor −1."""
-    return np.append(strides(domain.factor_sizes), 1)
 
 
 def _start(flat: _Flat) -> NDArray[np.float64]:
@@ -132,7 +118,7 @@ def _start(flat: _Flat) -> NDArray[np.float64]:
             belief = np.outer(belief, t["prior_marginals"][0, d.factor_offset[k] : d.factor_offset[k + 1]]).ravel()
         np.add.at(chances, flat.state(np.repeat(t["prior_visible"], len(belief)), np.arange(len(belief))), belief)
         return chances
-    joint = t["start_values"].astype(np.int64) @ _strides(d)[:-1]
+    joint = t["start_values"].astype(np.int64) @ strides(d.factor_sizes)
     np.add.at(chances, flat.state(t["start_visible"].astype(np.int64), joint), np.diff(t["start_cdf"], prepend=0.0))
     return chances
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,20 +70,45 @@ def _values(domain: Domain) -> Ints:
     return np.arange(domain.n_joint)[:, None] // strides(sizes) % sizes
 
 
-def _steps(domain: Domain) -> dict[str, NDArray[Any]]:
+class JointSteps(NamedTuple):
+    """The steps from every choice (visible value, action) and joint value of what is hidden."""
+
+    choice: Ints
+    """(n,) choices that are not terminal, each once for every joint value"""
+    hidden: Ints
+    """(n,) that joint value"""
+    row: Ints
+    """(n,) their rows"""
+    outcome: Ints
+    """(m,) the outcomes of these rows"""
+    of: Ints
+    """(m,) which of the n each belongs to"""
+    after: Ints
+    """(m,) the joint value that it leads to"""
+
+
+def joint_steps(domain: Domain) -> JointSteps:
+    """Its steps over the joint values of all its factors (the last one varying fastest)."""
     t, joint = domain.arrays, domain.n_joint
     live = np.flatnonzero(t["first_row"] >= 0)
     choice, hidden = np.repeat(live, joint), np.tile(np.arange(joint), len(live))
-    k, stride = t["factor"][choice], np.append(strides(domain.factor_sizes), 0)
-    value = np.where(k >= 0, _values(domain)[hidden, k], 0)
+    k = t["factor"][choice]  # −1, none, takes the last of these: a factor of one value
+    stride, size = np.append(strides(domain.factor_sizes), 1)[k], np.array([*domain.factor_sizes, 1])[k]
+    value = hidden // stride % size
     row = t["first_row"][choice] + value
     begins = t["row_outcomes"].astype(np.int64)
     outcome, of = spans(begins[row], begins[row + 1] - begins[row])
-    after = hidden[of] + (t["outcome_value"][outcome] - value[of]) * stride[k[of]]
+    moved = np.where(k[of] >= 0, (t["outcome_value"][outcome] - value[of]) * stride[of], 0)
+    return JointSteps(choice, hidden, row, outcome, of, hidden[of] + moved)
+
+
+def _steps(domain: Domain) -> dict[str, NDArray[Any]]:
+    t, joint = domain.arrays, domain.n_joint
+    choice, _, row, outcome, of, after = joint_steps(domain)
     next_choice = t["outcome_visible"][outcome].astype(np.int64) * domain.n_actions + choice[of] % domain.n_actions
     reading, readings = _readings(domain, t["outcome_observation"][outcome], next_choice, after)
     first_row = np.full(len(t["first_row"]), -1)
-    first_row[live] = np.arange(len(live)) * joint
+    first_row[choice[::joint]] = np.arange(0, len(choice), joint)
     copied = ("visible", "probability", "cdf")
     return _typed({
         "first_row": first_row, "factor": np.where(first_row >= 0, 0, -1), "terminal": t["terminal"],
