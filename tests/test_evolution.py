@@ -27,7 +27,7 @@ from harness.ge.fitness import ProgramFitness
 from harness.ge.folder import RunFolder
 from harness.ge.initialisation import GROW, tree
 from harness.ge.loop import Evaluated
-from harness.ge.mapping import derive
+from harness.ge.mapping import Derivation, derive
 from harness.ge.operators import CROSSOVERS, MUTATIONS, Parent
 from harness.ge.parameters import Parameters
 from harness.model import archive
@@ -112,7 +112,7 @@ class TestOperators:
 
     def test_mutation_rates(self):
         codons = np.full(20_000, 7, dtype=np.int32)
-        everything = Parent(codons, derive(LISTS, codons)._replace(used=20_000))
+        everything = Parent(codons, Derivation((), None, 20_000, 0, np.empty((0, 3), dtype=np.int32)))
         generator = np.random.default_rng(0)
         changed = operators.per_codon(LISTS, everything, 0.01, 1000, generator) != codons
         assert changed.mean() == pytest.approx(0.01, abs=0.003)

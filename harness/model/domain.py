@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from harness import cards
 from harness.errors import HarnessError, SnapshotError, nearest, quoted
 from harness.model import archive, validation
+from harness.model.certainty import sure
 from harness.model.indexing import strides
-from harness.model.tables import Tables, from_arrays
+from harness.model.tables import Records, Tables, from_arrays
 
 KIND = "domain"
 
@@ -204,6 +205,16 @@ class Domain:
         sensors = [(sensor.factor, len(sensor.labels)) for sensor in self.sensors]
         shaping = self.shapings.index(self.shaping)
         return from_arrays(self.arrays, self.n_actions, self.factor_offset, shaping, sensors)
+
+    @property
+    def nothing(self) -> int:
+        """The observation that tells nothing, called "none"; −1 where each tells something."""
+        return self.observations.index("none") if "none" in self.observations else -1
+
+    @cached_property
+    def sure(self) -> Records:
+        """(V·A,) what is sure of a step before it is taken (:data:`harness.model.certainty.SURE`)."""
+        return sure(self.tables, self.nothing)
 
     @cached_property
     def legality(self) -> NDArray[np.int8]:

@@ -16,26 +16,16 @@ from numpy.typing import NDArray
 
 from harness import host
 from harness.engine import rng
+from harness.engine.philox import uniform_table
 from harness.engine.tables import TablesEngine
 from harness.model.domain import Domain
-from harness.model.tables import (
-    STOP,
-    Records,
-    Tables,
-    compiled,
-    draw_labels,
-    draw_outcome,
-    draw_reading,
-    row_of,
-    update_belief,
-    update_sensed,
-)
+from harness.model.tables import Records
 from harness.play import executor
 from harness.play.evaluation import simulate
 from harness.play.executor import Workers
+from harness.play.together import play_together
 from harness.policy.program import ProgramPolicy
 from harness.program import Program, Words
-from harness.program.machine import next_action
 from harness.program.words import BELIEF, INSTRUCTION
 
 
@@ -145,6 +135,7 @@ class _Codes(NamedTuple):
     """(P,)"""
     loops: NDArray[np.bool_]
     believe: NDArray[np.bool_]
+    """Whether a program asks for the belief."""
 
 
 def _codes(programs: Sequence[Program]) -> _Codes:
@@ -170,24 +161,23 @@ def _play_compiled(
     played = _nothing(count, episodes.size)
     last = np.cumsum(programs.lengths)
     first = last - programs.lengths
-    u = np.empty((episodes.size, episodes.horizon + 1))
-    for step in range(episodes.horizon + 1):
-        u[:, step] = rng.uniforms(episodes.seed, rng.ENGINE, step, episodes.first, episodes.size)
+    u = uniform_table(np.uint64(episodes.seed), rng.ENGINE, episodes.first, episodes.size, episodes.horizon + 1)
     start = TablesEngine(domain, episodes.size, bool(programs.believe.any()))
-    start.reset(u[:, 0])
+    start.reset(u[0])
 
     def run(chunk: slice) -> None:
-        _play(
+        play_together(
             domain.tables,
+            domain.sure,
             u,
             discount,
             start.visible,
             start.values,
             start.observation,
-            start.done,
             start.marginals,
             domain.visible_values,
-            _none(domain),
+            domain.factor_of,
+            domain.nothing,
             registers.of_action,
             registers.numbers,
             registers.n_registers,
@@ -195,7 +185,6 @@ def _play_compiled(
             first[chunk],
             last[chunk],
             programs.loops[chunk],
-            programs.believe[chunk],
             *played.part(chunk),
         )
 
@@ -212,11 +201,6 @@ def _play_compiled(
 _CHUNK = 16  # programs a task: programs differ in length, so the threads take several small tasks
 
 
-def _none(domain: Domain) -> int:
-    """The observation that tells nothing; −1 where each tells something."""
-    return domain.observations.index("none") if "none" in domain.observations else -1
-
-
 def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Episodes, discount: float) -> Played:
     """The same through the engine contract, step by step."""
     played = _nothing(len(programs), episodes.size)
@@ -228,7 +212,7 @@ def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Epi
 def _lockstep(domain: Domain, program: Program, episodes: Episodes, discount: float, played: Played) -> None:
     """Adds up what becomes of one program."""
     weight = 1.0
-    policy, every, none = ProgramPolicy(program), np.arange(episodes.size), _none(domain)
+    policy, every, none = ProgramPolicy(program), np.arange(episodes.size), domain.nothing
     places = []  # of episode and visible value; an episode that has ended stays where it is
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
         places.append(every * domain.n_visible + record.batch.visible)
@@ -239,93 +223,3 @@ def _lockstep(domain: Domain, program: Program, episodes: Episodes, discount: fl
             told = record.batch.observation[record.active]
             played.readings[0] += int(((told >= 0) & (told != none)).sum())
     played.visited[0] = len(np.unique(places))
-
-
-@compiled
-def _play(
-    t: Tables,
-    u: NDArray[np.float64],
-    discount: float,
-    start_visible: NDArray[np.int32],
-    start_values: NDArray[np.int16],
-    start_observation: NDArray[np.int32],
-    start_done: NDArray[np.bool_],
-    start_marginals: NDArray[np.float64],
-    visible_values: NDArray[np.int16],
-    none: int,
-    register: NDArray[np.int16],
-    numbers: NDArray[np.float64],
-    n_registers: int,
-    code: Records,
-    firsts: NDArray[np.int64],
-    lasts: NDArray[np.int64],
-    loops: NDArray[np.bool_],
-    believes: NDArray[np.bool_],
-    returns: NDArray[np.float64],
-    steps: NDArray[np.int64],
-    visited: NDArray[np.int64],
-    readings: NDArray[np.int64],
-) -> None:
-    choices, rows, outcomes, n_actions = t.choices, t.rows, t.outcomes, t.n_actions
-    reading_cdf, reading_probability, factor_offset = t.reading_cdf, t.reading_probability, t.factor_offset
-    sensors = t.sensors
-    values = np.zeros((1, start_values.shape[1]), dtype=np.int16)
-    marginals = np.zeros((1, start_marginals.shape[1]))
-    registers = np.zeros((1, n_registers), dtype=np.int32)
-    met = np.full(len(visible_values), -1, dtype=np.int64)  # the last episode that has been there
-    scratch = np.zeros(max(1, np.diff(factor_offset).max() if len(factor_offset) > 1 else 1))
-    for p in range(len(firsts)):
-        first, last, loop, track = firsts[p], lasts[p], loops[p], believes[p]
-        cells, told = 0, 0
-        for e in range(u.shape[0]):
-            v, o, done = start_visible[e], start_observation[e], start_done[e]
-            for k in range(values.shape[1]):
-                values[0, k] = start_values[e, k]
-            for k in range(n_registers):
-                registers[0, k] = -1
-            if track:
-                for j in range(marginals.shape[1]):
-                    marginals[0, j] = start_marginals[e, j]
-            place, total, weight = 0, 0.0, 1.0
-            episode = p * u.shape[0] + e
-            met[v] = episode
-            cells += 1
-            step = 1
-            while step < u.shape[1] and not done:
-                a, place = next_action(
-                    code, first, last, place, loop, marginals, registers, 0, o, numbers, visible_values, v
-                )
-                if a == STOP:
-                    step = u.shape[1]
-                else:
-                    va = v * n_actions + a
-                    i, left = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), u[e, step])
-                    o = draw_reading(reading_cdf, outcomes[i].reading, left)
-                    k = choices[va].factor
-                    if k >= 0:
-                        values[0, k] = outcomes[i].value
-                    total += weight * outcomes[i].reward
-                    weight *= discount
-                    steps[p] += 1
-                    v = outcomes[i].visible
-                    done = outcomes[i].ends
-                    if met[v] != episode:
-                        met[v] = episode
-                        cells += 1
-                    told += o >= 0 and o != none
-                    if register[a] >= 0:
-                        registers[0, register[a]] = o
-                    if track and k >= 0:
-                        start = factor_offset[k]
-                        n = factor_offset[k + 1] - start
-                        update_belief(
-                            choices, rows, outcomes, reading_probability, va, v, o, marginals, 0, start, n, scratch
-                        )
-                    if sensors is not None:
-                        va, q = v * n_actions + a, outcomes[i].reading
-                        o = draw_labels(sensors, reading_probability, reading_cdf, q, o, left, va, values, 0)
-                        if track:
-                            update_sensed(sensors, factor_offset, va, o, marginals, 0, scratch)
-                    step += 1
-            returns[p, e] = total
-        visited[p], readings[p] = cells, told
