@@ -66,12 +66,14 @@ class ProgramFitness:
         """Sees what every generation has judged."""
         self.discount = domain.discount if parameters.objective == DISCOUNTED else 1.0
         """Of the return that counts."""
+        self._known: dict[str, Program] = {}  # those judged last: many a phenotype comes again
 
     def __call__(self, phenotypes: Sequence[str], generation: int) -> Evaluated:
         """Fitness on the episodes of a generation; −inf for a program that is nested too deep to be compiled."""
         p = self.parameters
         compiled = [self._compiled(text) for text in phenotypes]
         programs = [program for program in compiled if program is not None]
+        self._known = {text: program for text, program in zip(phenotypes, compiled, strict=True) if program is not None}
         judged = self.judge(programs, generation * p.episodes, p.episodes)
         if self.hall:
             self.hall.see(generation, programs, judged.means)
@@ -94,7 +96,8 @@ class ProgramFitness:
 
     def compile(self, text: str) -> Program:
         """The program of a phenotype."""
-        return parse(text, self.words, loop=self.parameters.loop, source="phenotype")
+        known = self._known.get(text)
+        return known or parse(text, self.words, loop=self.parameters.loop, source="phenotype")
 
     def judge(self, programs: Sequence[Program], first: int, count: int) -> Judged:
         """The programs' returns as the run's ``fitness`` has them: exact, or on episodes of the search."""

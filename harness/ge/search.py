@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -151,6 +152,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
         watch(row)
     saved = begun = time.monotonic()
     last: loop.Generation | None = None  # the last one that is in the history
+    test = functools.lru_cache(maxsize=1)(functools.partial(_test, setup, fitness))  # the best often stays the best
     rivals: list[str] = []
     if folder:
         files.replace_text(folder.path / parameter_file.NAME, parameter_file.text(p, setup.domain.name))
@@ -164,7 +166,7 @@ def run(setup: Setup, folder: RunFolder | None, watch: Watcher) -> Evolution:
                 generation, rivals = _with_rivals(p, fitness, generation)
             if generation.number == len(rows):  # a checkpoint's own generation has its row
                 now = time.monotonic()
-                rows.append(_row(setup, fitness, generation, now - begun))
+                rows.append(_row(test, generation, now - begun))
                 if (best := generation.best()) is not None:
                     improvements.see(rows[-1], fitness.compile(best))
                 last, begun = generation, now
@@ -217,13 +219,15 @@ def _save(folder: RunFolder, fitness: ProgramFitness, generation: loop.Generatio
     folder.save(state, None if best is None else fitness.compile(best).text)
 
 
-def _row(setup: Setup, fitness: ProgramFitness, generation: loop.Generation, seconds: float) -> dict[str, Any]:
+def _row(
+    tested: Callable[[str], tuple[float, float, int]], generation: loop.Generation, seconds: float
+) -> dict[str, Any]:
     """A row of the history, columns of :data:`harness.ge.results.COLUMNS`."""
     scores, derivations = generation.fitness, [individual.derivation for individual in generation.individuals]
     valid = np.isfinite(scores)
     texts = [d.phenotype for d, finite in zip(derivations, valid, strict=True) if d.phenotype is not None and finite]
     best = generation.best()
-    test, sem, length = _test(setup, fitness, best) if best is not None else (np.nan, np.nan, 0)
+    test, sem, length = tested(best) if best is not None else (np.nan, np.nan, 0)
     return {
         "generation": generation.number,
         "best": float(scores.max()),
