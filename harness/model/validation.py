@@ -180,6 +180,8 @@ def _agent_breaches(d: Domain) -> Iterator[str]:
     for agent in d.agents:
         if any(len(set(names)) != len(names) for names in (agent.actions, agent.observations)):
             yield f"two actions or two observations of the agent {quoted(agent.name)} share a name"
+    if d.agents and d.sensors:
+        yield "there are agents and sensors, but what a sensor reads is read by no agent"
     for what, count, parts in (
         ("actions", d.n_actions, [len(agent.actions) for agent in d.agents]),
         ("observations", d.n_observations, [len(agent.observations) for agent in d.agents]),

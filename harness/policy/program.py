@@ -46,7 +46,13 @@ class ProgramPolicy:
     memory = ("_place", "_registers", "_last")
 
     def __init__(self, program: Program) -> None:
-        """``program``: compiled for the domain that it will run on."""
+        """``program``: compiled for the domain that it will run on.
+
+        Raises:
+            PolicyError: it has a section for each agent, which :func:`harness.policy.team.policy_of` plays.
+        """
+        if program.parts:
+            raise PolicyError("a program with a section for each agent is played by a team, not by one controller")
         self.program = program
         self.uses_belief = program.uses_belief
 
