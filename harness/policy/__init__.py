@@ -122,24 +122,18 @@ MEMBERS = ("random", "program", "fsc")
 
 def _team(domain: Domain, text: str) -> Policy:
     if not text:
-        raise PolicyError(
-            "team needs a policy for each agent: team:POLICY,POLICY, as in team:program:FILE,program:FILE"
-        )
+        raise PolicyError("team needs a policy for each agent, as in team:program:FILE,program:FILE")
     specs = text.split(",")
     if len(specs) != len(domain.agents):
         agents = ", ".join(agent.name for agent in domain.agents)
-        raise PolicyError(
-            f"{domain.name} needs {len(domain.agents)} policies, one for each of {agents}; not {quoted(text)}"
-        )
+        raise PolicyError(f"a team on {domain.name} is a policy for each of {agents}, not {quoted(text)}")
     return TeamPolicy(domain, [_member(spec, local_view(domain, i)) for i, spec in enumerate(specs)])
 
 
 def _member(spec: str, view: Domain) -> Policy:
     word = spec.partition(":")[0]
-    if any(kind.word == word for kind in _KINDS) and word not in MEMBERS:
-        raise PolicyError(
-            f"{quoted(spec)} cannot play in a team: an agent plays {', '.join(MEMBERS)}, or code of yours"
-        )
+    if word not in MEMBERS and not own.is_path(spec) and spec not in own.installed():
+        raise PolicyError(f"no agent of a team can play {quoted(spec)}: {', '.join(MEMBERS)}, or code of yours")
     return make(spec, view)[1]
 
 
