@@ -21,7 +21,7 @@ from harness.policy.planner import despot, pomcp
 from harness.policy.program import stored_program
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
 from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
-from harness.policy.team import TeamPolicy, policy_of
+from harness.policy.team import TeamPolicy, policy_of, stored_team
 from harness.policy.thresholds import ThresholdsPolicy
 from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
@@ -118,11 +118,16 @@ def _controller(domain: Domain, text: str) -> Policy:
 
 MEMBERS = ("random", "program", "fsc")
 """Kinds of policies that get by on what one agent sees; others look at the belief, or plan with the model."""
+TEAM = "team"
+"""A policy for each agent; by itself the team that is kept with the package, where there is one for a domain."""
 
 
 def _team(domain: Domain, text: str) -> Policy:
     if not text:
-        raise PolicyError("team needs a policy for each agent, as in team:program:FILE,program:FILE")
+        path = registry.stored_program(domain, TEAM)
+        if path is None:
+            raise PolicyError(f"no team is kept for {domain.name}; name one, as in team:program:FILE,program:FILE")
+        return stored_team(path, domain)
     specs = text.split(",")
     if len(specs) != len(domain.agents):
         agents = ", ".join(agent.name for agent in domain.agents)
@@ -218,7 +223,7 @@ _KINDS = (
     _Kind("graph", "a policy graph of a file written by harness solve", _graph, needs_file=True),
     _Kind("fsc", "a finite-state controller of a JSON file, or PAYNT's", _controller, needs_file=True),
     _Kind("program", "a script in the program language", _program, needs_file=True),
-    _Kind("team", "a policy for each agent, as in team:program:FILE,fsc:FILE", _team, needs_file=True, agents=True),
+    _Kind(TEAM, "a policy for each agent, as in team:program:FILE,fsc:FILE", _team, needs_file=True, agents=True),
 )
 
 
@@ -237,6 +242,7 @@ def specs(domain: Domain) -> dict[str, str]:
     """Policy strings that mean something on a domain, each with what it does."""
     return {
         **{kind.spec: kind.help for kind in _usable(domain)},
+        **({TEAM: "the team kept with the package"} if registry.stored_program(domain, TEAM) else {}),
         **{name: f"of an installed package, {point.value}" for name, point in own.installed().items()},
         "FILE.py:NAME": "a class or function of yours; MODULE:NAME likewise",
         f"FILE{SUFFIX}": "a policy or solver of POMDPs.jl, on the engine julia",
@@ -246,7 +252,8 @@ def specs(domain: Domain) -> dict[str, str]:
 def default_specs(domain: Domain) -> list[str]:
     """The policies of the domain's baseline table."""
     listed = ("always", "large") if domain.n_states > LARGE else ("always",)
-    return [kind.spec for kind in _usable(domain) if not kind.needs_file and kind.listed in listed]
+    found = [kind.spec for kind in _usable(domain) if not kind.needs_file and kind.listed in listed]
+    return [*found, TEAM] if registry.stored_program(domain, TEAM) else found
 
 
 def make(spec: str, domain: Domain) -> tuple[str, Policy]:
@@ -314,8 +321,8 @@ def check_from_data(spec: str, allow_code: bool = False) -> None:
     Raises:
         PolicyError: it names one, and ``allow_code`` is False; the message says what would be read or run.
     """
-    word, code = spec.partition(":")[0], names_code(spec)
-    if (code or any(kind.word == word and kind.needs_file for kind in _KINDS)) and not allow_code:
+    (word, colon, _), code = spec.partition(":"), names_code(spec)
+    if (code or any(kind.word == word and kind.needs_file and colon for kind in _KINDS)) and not allow_code:
         raise PolicyError(registry.refusal(spec, "run" if code else "read"))
 
 

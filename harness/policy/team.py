@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,8 @@ from harness.model.agents import action_strides, local_view, own_observations
 from harness.model.domain import Domain
 from harness.model.tables import STOP
 from harness.policy.base import Policy, checked, copied, from_words, to_words
-from harness.policy.program import ProgramPolicy
+from harness.policy.fsc import FileController, of_record
+from harness.policy.program import ProgramPolicy, require_model
 from harness.program import Program
 
 
@@ -134,6 +137,26 @@ class ProgramTeam(TeamPolicy):
 def policy_of(program: Program) -> ProgramPolicy | ProgramTeam:
     """What plays a program: a controller, or where it has a section for each agent a team."""
     return ProgramTeam(program) if program.parts else ProgramPolicy(program)
+
+
+def stored_team(path: Path, domain: Domain) -> TeamPolicy:
+    """The team of a file with the controllers of all its members (:mod:`harness.policy.fsc`).
+
+    Raises:
+        PolicyError: the file is damaged, or the team was made for another model.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        controllers, _ = list(record["members"]), record["model_hash"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise PolicyError(f"{path}: not a readable team; make it again (benchmarks/teams.py)") from None
+    require_model(record, path, domain, "made", "make it again (benchmarks/teams.py)")
+    views = [local_view(domain, i) for i in range(len(domain.agents))]
+    try:
+        members = [FileController(view, of_record(each, view)) for view, each in zip(views, controllers, strict=False)]
+        return TeamPolicy(domain, members)
+    except PolicyError as error:
+        raise PolicyError(f"{path}: {error}") from None
 
 
 def _needed(domain: Domain) -> str:
