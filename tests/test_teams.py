@@ -248,14 +248,15 @@ class TestPlay:
             assert np.array_equal(played.returns[p], slow.returns)
             assert np.array_equal(discounted.returns[p], slow.discounted)
             assert played.steps[p] == slow.steps.sum()
-        assert len(np.unique(played.returns)) > (20 if name == HIDDEN else 2)  # readings of known cells vary little
+        assert len(np.unique(played.returns)) > (10 if name == HIDDEN else 2)  # readings of known cells vary little
 
     def test_programs_of_one_controller_and_of_agents_do_not_mix(self, team):
         words = words_of(team)
         joint = parse("loop right-right()", words)
         with pytest.raises(PolicyError, match="all a section for each agent"):
             play(team, [joint, parse(CROSSING, words)], Episodes(0, 0, 2, 5))
-        assert play(team, [joint], Episodes(0, 0, 2, 5)).returns.tolist() == [[-200, -200]]  # robot 2 is at the wall after three
+        # robot 2 is at the wall after three moves
+        assert play(team, [joint], Episodes(0, 0, 2, 5)).returns.tolist() == [[-200, -200]]
 
     def test_expected_returns_are_those_of_many_episodes(self, hidden_team):
         for text in TEXTS[1:]:

@@ -24,9 +24,9 @@ from harness.program import Program
 class _Local(Batch):
     """A batch as one agent sees it. It holds no way back to the batch of all: not even the seed."""
 
-    def __init__(self, batch: Batch, agent: int, view: Domain, observation: NDArray[np.int32]) -> None:
+    def __init__(self, batch: Batch, agent: int, observation: NDArray[np.int32]) -> None:
         count = len(batch.domain.agents)
-        self.domain, self.step = view, batch.step
+        self.domain, self.step = local_view(batch.domain, agent), batch.step
         self.visible, self.observation = read_only(batch.done.astype(np.int32)), read_only(observation)
         self.marginals, self.done = read_only(np.zeros((batch.size, 0))), batch.done
         self._draw = lambda stream: batch.uniform(stream * count + agent)
@@ -34,6 +34,12 @@ class _Local(Batch):
     def uniform(self, stream: int = 0) -> NDArray[np.float64]:
         """(E,) random numbers of this agent's own, as :meth:`harness.engine.batch.Batch.uniform`."""
         return self._draw(stream)
+
+
+def local_batches(batch: Batch) -> list[Batch]:
+    """A batch of a domain with agents as each of them sees it."""
+    own = own_observations(batch.domain, batch.observation)
+    return [_Local(batch, i, own[i]) for i in range(len(own))]
 
 
 class TeamPolicy:
@@ -60,7 +66,6 @@ class TeamPolicy:
         if len(members) != len(domain.agents):
             raise PolicyError(_needed(domain))
         self.name, self._members = name, tuple(members)
-        self._views = tuple(local_view(domain, i) for i in range(len(members)))
         for limit in ("batch_size", "max_episodes"):
             if found := [getattr(member, limit) for member in members if hasattr(member, limit)]:
                 setattr(self, limit, min(found))
@@ -82,7 +87,7 @@ class TeamPolicy:
         """
         if len(batch.domain.agents) != len(self._members):
             raise PolicyError(_needed(batch.domain))
-        for member, local in zip(self._members, self._locals(batch), strict=True):
+        for member, local in zip(self._members, local_batches(batch), strict=True):
             member.reset(local)
 
     def act(self, batch: Batch) -> NDArray[np.int32]:
@@ -91,14 +96,10 @@ class TeamPolicy:
         Raises:
             PolicyError: what a member returns is none of its actions.
         """
-        locals_ = self._locals(batch)
+        locals_ = local_batches(batch)
         own = [checked(member.act(local), local) for member, local in zip(self._members, locals_, strict=True)]
         joint = action_strides(batch.domain) @ np.array(own, dtype=np.int64)
         return np.where((np.array(own) == STOP).any(axis=0), STOP, joint).astype(np.int32)
-
-    def _locals(self, batch: Batch) -> list[Batch]:
-        own = own_observations(batch.domain, batch.observation)
-        return [_Local(batch, i, view, own[i]) for i, view in enumerate(self._views)]
 
     @property
     def remembered(self) -> NDArray[np.int64]:
