@@ -21,6 +21,9 @@ from harness.play.evaluation import evaluate
 from harness.play.population import Episodes, play
 from harness.policy import make
 from harness.policy.base import constant
+from harness.policy.converting import controller_of
+from harness.policy.fsc import FileController
+from harness.policy.program import ProgramPolicy
 from harness.policy.team import policy_of
 from harness.program import ProgramError, parse, words_of
 from harness.solver import solution
@@ -360,6 +363,17 @@ class TestLanguage:
     def test_errors_name_the_place(self, team, text, words):
         with pytest.raises(ProgramError, match=words):
             parse(text, words_of(team))
+
+    def test_several_controllers_are_not_one(self, team):
+        program = parse(CROSSING, words_of(team))
+        with pytest.raises(PolicyError, match="take one section"):
+            controller_of(program, team)
+        with pytest.raises(PolicyError, match="played by a team"):
+            ProgramPolicy(program)
+        one = controller_of(program.parts[0], local_view(team, 0))  # but each is one by itself
+        two = controller_of(program.parts[1], local_view(team, 1))
+        members = [FileController(local_view(team, i), nodes) for i, nodes in enumerate((one, two))]
+        assert harness.exact(team, harness.TeamPolicy(team, members)).mean.low == pytest.approx(500)
 
     def test_elsewhere_there_are_no_sections(self, bordercross):
         with pytest.raises(ProgramError, match="':' cannot stand here"):

@@ -150,14 +150,14 @@ def _play(
                     va += act[i] * action_stride[i]
                 if stopped:
                     break
-                i, left = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), u[e, step])
-                o = draw_reading(reading_cdf, outcomes[i].reading, left)
+                j, left = draw_outcome(rows, outcomes, row_of(choices, va, values, 0), u[e, step])
+                o = draw_reading(reading_cdf, outcomes[j].reading, left)
                 if choices[va].factor >= 0:
-                    values[0, choices[va].factor] = outcomes[i].value
-                total += weight * outcomes[i].reward
+                    values[0, choices[va].factor] = outcomes[j].value
+                total += weight * outcomes[j].reward
                 weight *= discount
                 steps[p] += 1
-                v, done = outcomes[i].visible, outcomes[i].ends
+                v, done = outcomes[j].visible, outcomes[j].ends
                 if met[v] != episode:
                     met[v] = episode
                     visited[p] += 1
