@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from harness.ge.evaluator import Evaluator
     from harness.ge.runs import evolve, resume
     from harness.ge.simplifying import simplify
+    from harness.model.agents import local_view
     from harness.model.domain import Domain
     from harness.play.cluster import cluster
     from harness.play.conformance import ConformanceError, check_domain, check_policy
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from harness.policy import Policy
     from harness.policy.agent import AgentPolicy, LogitsPolicy
     from harness.policy.controller import Controller
+    from harness.policy.team import TeamPolicy
     from harness.registry import load, names
     from harness.regression.checking import check_scores, update_scores
     from harness.report import write_report
@@ -69,6 +71,7 @@ __all__ = [
     "Smooth",
     "SnapshotError",
     "Suite",
+    "TeamPolicy",
     "Tunable",
     "aggregate",
     "check_domain",
@@ -89,6 +92,7 @@ __all__ = [
     "grammar",
     "literature",
     "load",
+    "local_view",
     "names",
     "render",
     "replay",
@@ -126,6 +130,7 @@ _HOME = {
     "Smooth": "expectation.smooth.forward",
     "SnapshotError": "errors",
     "Suite": "benchmark.suite",
+    "TeamPolicy": "policy.team",
     "Tunable": "tuning",
     "aggregate": "score.aggregation",
     "check_domain": "play.conformance",
@@ -146,6 +151,7 @@ _HOME = {
     "grammar": "ge.defaults",
     "literature": "score.literature",
     "load": "registry",
+    "local_view": "model.agents",
     "names": "registry",
     "render": "score.rendering",
     "replay": "show.replay",

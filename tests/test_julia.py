@@ -55,6 +55,7 @@ def course(domain, spec, engine, episodes, seed=0):
 
 
 CASES = [(name, spec) for name in NAMED_7X8 for spec in policy.default_specs(harness.load(name))]
+CASES += [("dec-bordercross-7x8-random", spec) for spec in ("team", "team:random,random", "solved")]
 
 
 @pytest.mark.parametrize(("name", "spec"), CASES)
@@ -92,6 +93,19 @@ def test_programs_return_the_same_on_both_engines(shaping, hidden):
         "loop if(belief(5) > 0.2 or distance() == 2) left(2) else up(1)",
         "right(1) right(1)",
     ]
+    _play_on_both(domain, texts)
+
+
+@pytest.mark.parametrize("shaping", ["none", "potential"])
+def test_programs_of_agents_return_the_same_on_both_engines(shaping):
+    texts = [
+        "agent(1): loop if(distance() < 3) right() else down() agent(2): right() while(distance() > 1) right()",
+        "agent(1): right() if(distance() == '3') down() agent(2): loop if(distance() < 4) cooperate() else right()",
+    ]
+    _play_on_both(harness.load("dec-bordercross-7x8-random").shaped(shaping), texts)
+
+
+def _play_on_both(domain, texts):
     programs = [parse(text, words_of(domain)) for text in texts]
     tables, julia = (play(domain, programs, Episodes(2, 10, 200, 40), engine) for engine in ("tables", "julia"))
     for here, there in zip(tables, julia, strict=True):
@@ -124,7 +138,7 @@ def test_the_notebook_s_snapshot_is_what_its_model_gives_now():
     assert harness.load(folder / "tiger.jl").model_hash == harness.load(folder / "tiger.npz").model_hash
 
 
-@pytest.mark.parametrize("name", NAMED_7X8)
+@pytest.mark.parametrize("name", [*NAMED_7X8, "dec-bordercross-7x8", "dec-bordercross-7x8-random"])
 def test_snapshot_against_the_julia_functions_for_all_states_and_actions(name):
     """transition, observation and reward are called for every state and action, and compared with the tables."""
     domain = harness.load(name)

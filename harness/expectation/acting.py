@@ -11,9 +11,8 @@ from harness.engine.batch import Batch, read_only
 from harness.errors import PolicyError
 from harness.expectation.situations import Layer, reading_of, visible_of
 from harness.model.domain import Domain
-from harness.play.evaluation import checked
 from harness.policy import Policy
-from harness.policy.base import fresh
+from harness.policy.base import checked, fresh, from_words, to_words
 
 
 class NotExact(PolicyError):
@@ -55,7 +54,7 @@ class Actor:
         """The first layer, with what the policy remembers at its start."""
         self._policy.reset(self._batch(layer.key, 0))
         self._like = [getattr(self._policy, name) for name in self._names]
-        return Layer(np.hstack([*map(_words, self._like), layer.key]), layer.mass)
+        return Layer(np.hstack([*map(to_words, self._like), layer.key]), layer.mass)
 
     def act(self, key: NDArray[np.int64], step: int) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
         """The actions (S,), and which factors' beliefs the policy may yet look at (S, K); memory moves on in place.
@@ -67,13 +66,13 @@ class Actor:
         column = 0
         for name, like in zip(self._names, self._like, strict=True):
             width = like[0].size
-            setattr(self._policy, name, _array(key[:, column : column + width], like))
+            setattr(self._policy, name, from_words(key[:, column : column + width], like))
             column += width
         batch = self._batch(key, step)
         actions = checked(self._policy.act(batch), batch)
         watched = self._watched(batch)
         if self._names:
-            key[:, :column] = np.hstack([_words(getattr(self._policy, name)) for name in self._names])
+            key[:, :column] = np.hstack([to_words(getattr(self._policy, name)) for name in self._names])
         return actions, watched
 
     def _watched(self, batch: Batch) -> NDArray[np.bool_]:
@@ -86,16 +85,3 @@ class Actor:
         marginals = np.ascontiguousarray(key[:, key.shape[1] - n :]).view(np.float64)
         seen = key[:, key.shape[1] - n - 1]
         return _Situations(self._domain, seen, marginals if self._sees_belief else np.zeros((len(key), 0)), step)
-
-
-def _words(array: NDArray[Any]) -> NDArray[np.int64]:
-    """Whole numbers and truth values as words, numbers as their bits: (S, …) to (S, words)."""
-    flat = array.reshape(len(array), -1)
-    return flat.astype(np.float64).view(np.int64) if array.dtype.kind == "f" else flat.astype(np.int64)
-
-
-def _array(words: NDArray[np.int64], like: NDArray[Any]) -> NDArray[Any]:
-    """Inverse of :func:`_words`."""
-    words = np.ascontiguousarray(words)
-    flat = words.view(np.float64) if like.dtype.kind == "f" else words
-    return flat.astype(like.dtype).reshape(len(words), *like.shape[1:])

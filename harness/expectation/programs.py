@@ -43,11 +43,17 @@ def expected(
         domain: all programs must have been compiled for it.
         programs: the programs.
         horizon: steps after which an episode is truncated.
-        room: a program that needs more situations in a step is given up.
+        room: a program that needs more situations in a step is given up; so is one with a section for each agent, which
+            only :func:`harness.exact` knows.
         workers: threads; the numbers do not depend on it.
         discount: what a reward loses with every step.
     """
     found = Expected(np.full(len(programs), np.nan), np.zeros(len(programs), dtype=np.int64))
+    alone = [i for i, program in enumerate(programs) if not program.parts]
+    if len(alone) < len(programs):
+        some = expected(domain, [programs[i] for i in alone], horizon, room, workers, discount)
+        found.returns[alone], found.situations[alone] = some
+        return found
     if not programs:
         return found
     lengths = np.array([len(program.code) for program in programs])

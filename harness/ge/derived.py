@@ -50,8 +50,26 @@ def text(domain: Domain, feedback: bool = False) -> str:
         domain: whose words it is in.
         feedback: programs may decide about whole blocks, join conditions, and start again at the top.
     """
-    words = words_of(domain)
     remarks: list[str] = []
+    rules = _team(words_of(domain), feedback, remarks) if domain.agents else _rules(words_of(domain), feedback, remarks)
+    head = [f"{domain.name}, version {domain.version}: derived from its words.", *remarks]
+    return "".join(f"# {line}\n" for line in head) + _written(rules)
+
+
+def _team(words: Words, feedback: bool, remarks: list[str]) -> Rules:
+    """A program for each agent; the rules of agents whose words are the same stand there once."""
+    found = [_rules(own, feedback, remarks) for own in words.agents]
+    shared = all(each == found[0] for each in found)
+    sections, rules = "", Rules()
+    for number, each in enumerate(found, 1):
+        suffix = "" if shared else f"-{number}"
+        own = {name + suffix: [re.sub(r"<([\w-]+)>", rf"<\1{suffix}>", a) for a in each[name]] for name in each}
+        sections += f"'{' ' * (number > 1)}agent({number}): '<{next(iter(own))}>"
+        rules |= own
+    return {"team": [sections], **rules}
+
+
+def _rules(words: Words, feedback: bool, remarks: list[str]) -> Rules:
     tests = _conditions(words, remarks)
     rules = {name: list(alternatives) for name, alternatives in (_FEEDBACK if feedback else _SCRIPT).items()}
     if tests:
@@ -60,9 +78,7 @@ def text(domain: Domain, feedback: bool = False) -> str:
     rules |= {
         "op": [_terminal(name) for name in dict(zip(words.actions.values(), words.actions, strict=True)).values()]
     }
-    rules |= tests
-    head = [f"{domain.name}, version {domain.version}: derived from its words.", *remarks]
-    return "".join(f"# {line}\n" for line in head) + _written(rules)
+    return rules | tests
 
 
 def states(domain: Domain) -> str:

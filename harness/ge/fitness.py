@@ -23,7 +23,7 @@ from harness.model.domain import Domain
 from harness.play import population
 from harness.play.evaluation import mean_and_sem
 from harness.play.population import Episodes
-from harness.policy.program import ProgramPolicy
+from harness.policy.team import policy_of
 from harness.program import NestingError, Program, ProgramError, Words, parse, words_of
 
 _MOST_CHECKED = 1_000_000  # characters parsed, and rules derived, to see whether a grammar speaks the language
@@ -118,7 +118,7 @@ class ProgramFitness:
             for i, row in zip(wide, played.returns, strict=True):
                 returns[i] = row
         for i in wide if not auto else ():
-            bounded = exact(self.domain, ProgramPolicy(programs[i]), horizon=horizon)
+            bounded = exact(self.domain, policy_of(programs[i]), horizon=horizon)
             objective = bounded.mean if self.discount == 1 else bounded.discounted
             means[i], cost = objective.low, cost + bounded.situations
         return Judged(means, returns, len(set(means.tolist())), cost)

@@ -12,7 +12,8 @@ from harness import cards
 from harness.errors import HarnessError, quoted
 from harness.ge.parameters import Parameters
 from harness.play.evaluation import Score
-from harness.policy.program import ProgramPolicy
+from harness.policy import Policy
+from harness.policy.team import policy_of
 from harness.program import Program, parse
 
 if TYPE_CHECKING:
@@ -41,9 +42,9 @@ class Best:
         return self.program.text
 
     @property
-    def policy(self) -> ProgramPolicy:
+    def policy(self) -> Policy:
         """The program as a policy, for ``evaluate``, ``compare`` and ``replay``."""
-        return ProgramPolicy(self.program)
+        return policy_of(self.program)
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Evolution:
     """Of these and of the hall of fame, those that earn more than all shorter ones (:mod:`harness.ge.front`)."""
     best: Best
 
-    def pick(self, index: int) -> ProgramPolicy:
+    def pick(self, index: int) -> Policy:
         """The program of a row of :attr:`front` as a policy.
 
         Raises:
@@ -69,7 +70,7 @@ class Evolution:
         if not 0 <= index < len(self.front):
             raise HarnessError(f"the front has programs 0 to {len(self.front) - 1}, and no {quoted(index)}")
         words, text = self.best.program.words, str(self.front["program"][index])
-        return ProgramPolicy(parse(text, words, loop=self.parameters.loop))
+        return policy_of(parse(text, words, loop=self.parameters.loop))
 
     def plot(self, axes: Axes | None = None) -> Figure:
         """Learning curve: what selection saw of the best, and its score on fresh episodes with the 95 % interval.

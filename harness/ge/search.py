@@ -32,7 +32,7 @@ from harness.ge.results import Best, Evolution
 from harness.model.domain import Domain
 from harness.play import population
 from harness.play.evaluation import evaluate, mean_and_sem
-from harness.policy.program import ProgramPolicy
+from harness.policy.team import policy_of
 from harness.program import words_of
 
 _CHECKPOINT_SECONDS = 1.0
@@ -279,7 +279,7 @@ def _finish(
     winner = fitness.compile(str(finalists["program"][0]))
     result = evaluate(
         setup.domain.shaped("none"),
-        ProgramPolicy(winner),
+        policy_of(winner),
         episodes=p.score_episodes,
         seed=rng.HELD_OUT + p.seed,
         horizon=p.horizon,

@@ -22,7 +22,9 @@ from harness.model.tables import STOP
 from harness.play import population
 from harness.play.evaluation import HORIZON, check_played, simulate
 from harness.play.population import Episodes
+from harness.policy import Policy
 from harness.policy.program import ProgramPolicy
+from harness.policy.team import ProgramTeam, policy_of
 from harness.program import Program, ProgramError, parse, shorter, words_of
 from harness.progress import Bar, Progress
 
@@ -62,7 +64,7 @@ class Simplified(NamedTuple):
 
 def simplify(
     domain: Domain | str,
-    program: Program | ProgramPolicy | str,
+    program: Program | Policy | str,
     *,
     episodes: int | None = None,
     seed: int = 0,
@@ -137,7 +139,7 @@ class _Search(NamedTuple):
         return None
 
 
-def program_of(domain: Domain, given: Program | ProgramPolicy | str) -> Program:
+def program_of(domain: Domain, given: Program | Policy | str) -> Program:
     """A program of a domain: itself, or by its text or a policy string.
 
     Raises:
@@ -146,7 +148,7 @@ def program_of(domain: Domain, given: Program | ProgramPolicy | str) -> Program:
     if isinstance(given, str) and "\n" in given:
         return parse(given, words_of(domain))
     made = policies.make(given, domain)[1] if isinstance(given, str) else given
-    found = made.program if isinstance(made, ProgramPolicy) else made
+    found = made.program if isinstance(made, (ProgramPolicy, ProgramTeam)) else made
     if not isinstance(found, Program):
         raise HarnessError(f"{quoted(given)} is no program; give program:FILE, or a program's text")
     return found
@@ -196,8 +198,8 @@ def _parsed(lines: Sequence[str], program: Program) -> Iterator[Program]:
 
 def acting(domain: Domain, program: Program, *, seed: int = 0, horizon: int = HORIZON) -> NDArray[np.float64]:
     """(lines,) how often each line of a program's text acts in an episode, the mean of 1,000 episodes of a seed."""
-    follow, counts = ProgramPolicy(program), np.zeros(program.text.count("\n"))
-    for step in simulate(domain, ProgramPolicy(program), "tables", seed, 0, _ACTING, horizon):
+    follow, counts = policy_of(program), np.zeros(program.text.count("\n"))
+    for step in simulate(domain, policy_of(program), "tables", seed, 0, _ACTING, horizon):
         if step.actions is None:
             follow.reset(step.batch)
         if step.batch.step < horizon:  # what is done next, by the same program on what the played one sees

@@ -12,6 +12,7 @@ _SPELLINGS = {
     "fieldvision-rocksample": "FieldVisionRockSample",
     "rocksample": "RockSample",
     "bordercross": "BorderCross",
+    "dec-bordercross": "DecBorderCross",
     "heaven-hell": "HeavenHell",
     "tiger-grid": "TigerGrid",
 }

@@ -64,6 +64,16 @@ class Sensor(NamedTuple):
     """Names of what it may read, in index order."""
 
 
+class Agent(NamedTuple):
+    """One of several who act at once, each by its own readings alone (a Dec-POMDP: Bernstein et al., UAI 2000)."""
+
+    name: str
+    actions: tuple[str, ...]
+    """Its own actions as programs spell them, in index order."""
+    observations: tuple[str, ...]
+    """Names of what it may observe, in index order."""
+
+
 def types(sensors: Sequence[Any]) -> dict[str, Any]:
     """The arrays of a domain with these sensors, and their types."""
     return ARRAYS | (SENSOR_ARRAYS if sensors else {})
@@ -108,6 +118,10 @@ class Domain:
     """The Julia model, for a domain made from live Julia; None for a named instance."""
     sensors: tuple[Sensor, ...] = ()
     """What is read unasked after every step; none in most domains."""
+    agents: tuple[Agent, ...] = ()
+    """Who acts, each by its own readings; none where one controller does. The domain's actions and observations are the
+    combinations of theirs, the last agent's running fastest, so that it is itself the problem of one controller that
+    sees what all of them read (an MPOMDP: Pynadath and Tambe, JAIR 16, 2002)."""
 
     def __eq__(self, other: object) -> bool:
         """Whether it is the same model under the same name, version and shaping, read from wherever."""
@@ -230,7 +244,8 @@ class Domain:
     def model_hash(self) -> str:
         """SHA-256 of all that decides the domain's behaviour; policies record the one they were solved for."""
         record = [self.discount, self.actions, self.observations, self.factor_labels, self.features, self.shapings]
-        return archive.digest(self.arrays, [*record, self.sensors] if self.sensors else record)
+        more = [each for each in (self.sensors, self.agents) if each]  # what most domains lack leaves their hash alone
+        return archive.digest(self.arrays, [*record, *more])
 
     def action(self, name: str) -> int:
         """Index of the action called ``name``.
@@ -280,6 +295,7 @@ class Domain:
 def from_export(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], live: Any = None) -> Domain:
     """A domain from what the Julia package exports: names and provenance, and the arrays of ``julia/src/tables.jl``."""
     sensors = tuple(Sensor(str(name), int(k), tuple(labels)) for name, k, labels in record.get("sensors", ()))
+    agents = tuple(Agent(str(name), tuple(does), tuple(reads)) for name, does, reads in record.get("agents", ()))
     return Domain(
         name=record["name"],
         version=int(record["version"]),
@@ -298,6 +314,7 @@ def from_export(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], l
         arrays={name: np.ascontiguousarray(arrays[name], dtype=dtype) for name, dtype in types(sensors).items()},
         live=live,
         sensors=sensors,
+        agents=agents,
     )
 
 
@@ -319,6 +336,7 @@ def to_record(domain: Domain) -> dict[str, Any]:
         "layout": dict(domain.layout),
         "provenance": dict(domain.provenance),
         **({"sensors": domain.sensors} if domain.sensors else {}),
+        **({"agents": domain.agents} if domain.agents else {}),
     }
 
 

@@ -8,6 +8,7 @@ same of any other domain.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypeGuard
 
@@ -81,6 +82,9 @@ def record_breaches(record: Mapping[str, Any]) -> Iterator[str]:
     sensors = record.get("sensors", [])
     if not isinstance(sensors, list) or not all(_is_sensor(each) for each in sensors):
         yield "sensors is no list of [name, factor, labels]"
+    agents = record.get("agents", [])
+    if not isinstance(agents, list) or not all(_is_agent(each) for each in agents):
+        yield "agents is no list of [name, actions, observations]"
     for name in ("layout", "provenance"):
         if not isinstance(record.get(name), dict):
             yield f"{name} is no table of names and values"
@@ -110,6 +114,12 @@ def _is_sensor(value: Any) -> bool:
     if not isinstance(value, list) or len(value) != 3 or not is_name(value[0]):
         return False
     return whole(value[1], 0, LARGEST_WHOLE) and _are_names(value[2]) and len(value[2]) > 1
+
+
+def _is_agent(value: Any) -> bool:
+    if not isinstance(value, list) or len(value) != 3 or not is_name(value[0]):
+        return False
+    return all(_are_names(names) and names for names in value[1:])
 
 
 def type_breaches(arrays: Mapping[str, NDArray[Any]], types: Mapping[str, Any]) -> Iterator[str]:
@@ -145,10 +155,12 @@ def _name_breaches(d: Domain) -> Iterator[str]:
         ("feature", [f[0] for f in d.features]),
         ("shaping", d.shapings),
         ("sensor", [sensor.name for sensor in d.sensors]),
+        ("agent", [agent.name for agent in d.agents]),
     ):
         if len(set(names)) != len(names):
             yield f"two {what}s share a name"
     yield from _sensor_breaches(d)
+    yield from _agent_breaches(d)
     yield from _layout_breaches(d)
 
 
@@ -161,6 +173,21 @@ def _sensor_breaches(d: Domain) -> Iterator[str]:
             yield f"the sensor {quoted(sensor.name)} and the action check({sensor.name}) are told apart by nothing"
     if d.sensors and d.n_observations % d.n_labels:
         yield f"{d.n_observations} observations are no combinations of the {d.n_labels} of the sensors' labels"
+
+
+def _agent_breaches(d: Domain) -> Iterator[str]:
+    """Actions and observations are the combinations of the agents' own."""
+    for agent in d.agents:
+        if any(len(set(names)) != len(names) for names in (agent.actions, agent.observations)):
+            yield f"two actions or two observations of the agent {quoted(agent.name)} share a name"
+    if d.agents and d.sensors:
+        yield "there are agents and sensors, but what a sensor reads is read by no agent"
+    for what, count, parts in (
+        ("actions", d.n_actions, [len(agent.actions) for agent in d.agents]),
+        ("observations", d.n_observations, [len(agent.observations) for agent in d.agents]),
+    ):
+        if d.agents and count != math.prod(parts):
+            yield f"{count} {what} are not the {math.prod(parts)} combinations of the agents' own"
 
 
 _COLUMNS: dict[str, tuple[str, ...]] = {"rocksample": ("exit_column",), "grid": ()}

@@ -12,9 +12,8 @@ from harness import registry
 from harness.engine.batch import Batch, read_only
 from harness.errors import PolicyError, check_whole
 from harness.model.domain import Domain
-from harness.play.evaluation import checked
 from harness.policy import Policy
-from harness.policy.base import fresh
+from harness.policy.base import checked, fresh
 
 
 class Driven:

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,13 @@ from harness import engine as engines
 from harness import policy as policies
 from harness.engine import Engine, rng
 from harness.engine.batch import Batch, read_only
-from harness.errors import PolicyError, check_whole, quoted
+from harness.errors import check_whole
 from harness.model.domain import Domain
 from harness.model.tables import STOP, compiled
 from harness.play import executor
 from harness.play.executor import Workers
 from harness.policy import Policy
-from harness.policy.base import can_be_copied, fresh, whole
+from harness.policy.base import can_be_copied, checked, fresh, whole
 from harness.progress import Bar, Progress
 
 HORIZON = 50
@@ -177,30 +177,6 @@ def _view(stepper: Engine, seed: int, first: int) -> Batch:
         seed=seed,
         first=first,
     )
-
-
-def checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
-    """The policy's actions as the engine takes them.
-
-    Raises:
-        PolicyError: they are no actions.
-    """
-    try:
-        array = np.array(actions)  # a copy: who holds the policy's own may change it after it has been checked
-    except ValueError:  # lists of different lengths
-        raise PolicyError(f"act() must return {batch.size} action indices, not {quoted(actions)}") from None
-    if array.shape != (batch.size,) or array.dtype.kind not in "iu":
-        raise PolicyError(
-            f"act() must return {batch.size} action indices (whole numbers, one an episode), "
-            f"not an array of shape {array.shape} and type {array.dtype}"
-        )
-    n = batch.domain.n_actions
-    if array.min() < STOP or array.max() >= n:
-        wrong = array[(array < STOP) | (array >= n)][0]
-        raise PolicyError(
-            f"act() returned action {wrong}; {batch.domain.name} has the actions 0 to {n - 1} (and {STOP}: stop here)"
-        )
-    return array.astype(np.int32, copy=False)
 
 
 def evaluate(

@@ -7,7 +7,7 @@ starts and the first beliefs are made once for all programs. The returns are tho
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -18,13 +18,14 @@ from harness import host
 from harness.engine import rng
 from harness.engine.philox import uniform_table
 from harness.engine.tables import TablesEngine
+from harness.errors import PolicyError
 from harness.model.domain import Domain
 from harness.model.tables import Records
-from harness.play import executor
+from harness.play import executor, teams
 from harness.play.evaluation import simulate
 from harness.play.executor import Workers
 from harness.play.together import play_together
-from harness.policy.program import ProgramPolicy
+from harness.policy.team import policy_of
 from harness.program import Program, Words
 from harness.program.words import BELIEF, INSTRUCTION
 
@@ -84,6 +85,8 @@ def play(
         return _play_in_lockstep(domain, programs, episodes, discount)
     if not programs:
         return _nothing(0, episodes.size)
+    if any(program.parts for program in programs):
+        return _play_teams(domain, programs, episodes, discount, executor.threads(workers))
     if away is not None and len(programs) * episodes.size > _WORTH:
         return _play_away(away, domain, programs, episodes, discount)
     registers = _registers(programs[0].words)
@@ -161,9 +164,7 @@ def _play_compiled(
     played = _nothing(count, episodes.size)
     last = np.cumsum(programs.lengths)
     first = last - programs.lengths
-    u = uniform_table(np.uint64(episodes.seed), rng.ENGINE, episodes.first, episodes.size, episodes.horizon + 1)
-    start = TablesEngine(domain, episodes.size, bool(programs.believe.any()))
-    start.reset(u[0])
+    u, start = _started(domain, episodes, bool(programs.believe.any()))
 
     def run(chunk: slice) -> None:
         play_together(
@@ -188,6 +189,36 @@ def _play_compiled(
             *played.part(chunk),
         )
 
+    _in_chunks(run, count, workers)
+    return played
+
+
+def _play_teams(
+    domain: Domain, programs: Sequence[Program], episodes: Episodes, discount: float, workers: int
+) -> Played:
+    """The same of programs with a section for each agent."""
+    if not all(program.parts for program in programs):
+        raise PolicyError("programs that are played together have all a section for each agent, or none has")
+    played, none = _nothing(len(programs), episodes.size), domain.nothing
+    agents, sections = teams.agents_of(programs[0].words), teams.sections_of(programs)
+    u, start = _started(domain, episodes, track=False)
+
+    def run(chunk: slice) -> None:
+        teams.play(domain, agents, sections.part(chunk), u, discount, none, start, *played.part(chunk))
+
+    _in_chunks(run, len(programs), workers)
+    return played
+
+
+def _started(domain: Domain, episodes: Episodes, track: bool) -> tuple[NDArray[np.float64], TablesEngine]:
+    """The episodes' random numbers (horizon + 1, E), and an engine that stands at their starts."""
+    u = uniform_table(np.uint64(episodes.seed), rng.ENGINE, episodes.first, episodes.size, episodes.horizon + 1)
+    start = TablesEngine(domain, episodes.size, track)
+    start.reset(u[0])
+    return u, start
+
+
+def _in_chunks(run: Callable[[slice], None], count: int, workers: int) -> None:
     chunks = [slice(i, i + _CHUNK) for i in range(0, count, _CHUNK)]
     if workers == 1 or len(chunks) == 1:
         for chunk in chunks:
@@ -195,7 +226,6 @@ def _play_compiled(
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(run, chunks))
-    return played
 
 
 _CHUNK = 16  # programs a task: programs differ in length, so the threads take several small tasks
@@ -212,7 +242,7 @@ def _play_in_lockstep(domain: Domain, programs: Sequence[Program], episodes: Epi
 def _lockstep(domain: Domain, program: Program, episodes: Episodes, discount: float, played: Played) -> None:
     """Adds up what becomes of one program."""
     weight = 1.0
-    policy, every, none = ProgramPolicy(program), np.arange(episodes.size), domain.nothing
+    policy, every, none = policy_of(program), np.arange(episodes.size), domain.nothing
     places = []  # of episode and visible value; an episode that has ended stays where it is
     for record in simulate(domain, policy, "julia", episodes.seed, episodes.first, episodes.size, episodes.horizon):
         places.append(every * domain.n_visible + record.batch.visible)

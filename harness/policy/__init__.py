@@ -8,6 +8,7 @@ from pathlib import Path
 
 from harness import files, registry
 from harness.errors import PolicyError, nearest, quoted
+from harness.model.agents import local_view
 from harness.model.domain import Domain
 from harness.policy import own, solved
 from harness.policy.alpha import AlphaVectorPolicy
@@ -17,9 +18,10 @@ from harness.policy.graph import PolicyGraph
 from harness.policy.heuristic import ACCURACY_DEFAULT, BELIEF_DEFAULT, AccuracyPolicy, BeliefPolicy
 from harness.policy.julia import SUFFIX, JuliaPolicy
 from harness.policy.planner import despot, pomcp
-from harness.policy.program import ProgramPolicy, stored_program
+from harness.policy.program import stored_program
 from harness.policy.rollout import SIMULATIONS_DEFAULT, RolloutPolicy
 from harness.policy.simple import ExitPolicy, RandomLegalPolicy, RandomPolicy
+from harness.policy.team import TeamPolicy, policy_of, stored_team
 from harness.policy.thresholds import ThresholdsPolicy
 from harness.policy.thresholds import parse as parse_thresholds
 from harness.program import parse, words_of
@@ -63,15 +65,17 @@ class _Kind:
     """Whether it is written ``word:FILE``."""
     optional: bool = False
     """Whether an argument may be given although there is no default one."""
+    agents: bool = False
+    """Whether it needs a domain with agents."""
     listed: str = "always"
     """Whether the baseline table has a row of it: ``always``, on ``large`` domains only, or ``never``."""
 
     def suits(self, domain: Domain) -> bool:
-        return self.layout in ("", domain.layout["kind"])
+        return self.layout in ("", domain.layout["kind"]) and (bool(domain.agents) or not self.agents)
 
     @property
     def spec(self) -> str:
-        argument = "FILE" if self.needs_file else self.argument
+        argument = "POLICY,POLICY" if self.agents else "FILE" if self.needs_file else self.argument
         return f"{self.word}:{argument}" if argument else self.word
 
 
@@ -103,13 +107,39 @@ def _program(domain: Domain, text: str) -> Policy:
     if not text:
         raise PolicyError("program needs a file: program:FILE, a script in the program language")
     source = files.read_source(Path(text), PolicyError)
-    return ProgramPolicy(parse(source, words_of(domain), source=text))
+    return policy_of(parse(source, words_of(domain), source=text))
 
 
 def _controller(domain: Domain, text: str) -> Policy:
     if not text:
         raise PolicyError("fsc needs a file: fsc:FILE.json, a finite-state controller")
     return FileController(domain, read_controller(Path(text), domain))
+
+
+MEMBERS = ("random", "program", "fsc")
+"""Kinds of policies that get by on what one agent sees; others look at the belief, or plan with the model."""
+TEAM = "team"
+"""A policy for each agent; by itself the team that is kept with the package, where there is one for a domain."""
+
+
+def _team(domain: Domain, text: str) -> Policy:
+    if not text:
+        path = registry.stored_program(domain, TEAM)
+        if path is None:
+            raise PolicyError(f"no team is kept for {domain.name}; name one, as in team:program:FILE,program:FILE")
+        return stored_team(path, domain)
+    specs = text.split(",")
+    if len(specs) != len(domain.agents):
+        agents = ", ".join(agent.name for agent in domain.agents)
+        raise PolicyError(f"a team on {domain.name} is a policy for each of {agents}, not {quoted(text)}")
+    return TeamPolicy(domain, [_member(spec, local_view(domain, i)) for i, spec in enumerate(specs)])
+
+
+def _member(spec: str, view: Domain) -> Policy:
+    word = spec.partition(":")[0]
+    if word not in MEMBERS and not own.is_path(spec) and spec not in own.installed():
+        raise PolicyError(f"no agent of a team can play {quoted(spec)}: {', '.join(MEMBERS)}, or code of yours")
+    return make(spec, view)[1]
 
 
 def _solved(word: str) -> Callable[[Domain, str], Policy]:
@@ -139,7 +169,7 @@ def _evolved(word: str) -> Callable[[Domain, str], Policy]:
                 f"no {word} program is kept for {domain.name}; evolve one (harness evolve {domain.name} --out DIR) "
                 f"and name it: program:DIR/best.txt"
             )
-        return ProgramPolicy(stored_program(path, domain))
+        return policy_of(stored_program(path, domain))
 
     return build
 
@@ -193,6 +223,7 @@ _KINDS = (
     _Kind("graph", "a policy graph of a file written by harness solve", _graph, needs_file=True),
     _Kind("fsc", "a finite-state controller of a JSON file, or PAYNT's", _controller, needs_file=True),
     _Kind("program", "a script in the program language", _program, needs_file=True),
+    _Kind(TEAM, "a policy for each agent, as in team:program:FILE,fsc:FILE", _team, needs_file=True, agents=True),
 )
 
 
@@ -211,6 +242,7 @@ def specs(domain: Domain) -> dict[str, str]:
     """Policy strings that mean something on a domain, each with what it does."""
     return {
         **{kind.spec: kind.help for kind in _usable(domain)},
+        **({TEAM: "the team kept with the package"} if registry.stored_program(domain, TEAM) else {}),
         **{name: f"of an installed package, {point.value}" for name, point in own.installed().items()},
         "FILE.py:NAME": "a class or function of yours; MODULE:NAME likewise",
         f"FILE{SUFFIX}": "a policy or solver of POMDPs.jl, on the engine julia",
@@ -220,7 +252,8 @@ def specs(domain: Domain) -> dict[str, str]:
 def default_specs(domain: Domain) -> list[str]:
     """The policies of the domain's baseline table."""
     listed = ("always", "large") if domain.n_states > LARGE else ("always",)
-    return [kind.spec for kind in _usable(domain) if not kind.needs_file and kind.listed in listed]
+    found = [kind.spec for kind in _usable(domain) if not kind.needs_file and kind.listed in listed]
+    return [*found, TEAM] if registry.stored_program(domain, TEAM) else found
 
 
 def make(spec: str, domain: Domain) -> tuple[str, Policy]:
@@ -238,7 +271,8 @@ def make(spec: str, domain: Domain) -> tuple[str, Policy]:
         return spec, _own(spec, domain)
     kind, known = kinds[word], ", ".join(specs(domain))
     if not kind.suits(domain):
-        raise PolicyError(f"policy {quoted(word)} needs a {kind.layout} domain, {domain.name} is none (there: {known})")
+        needed = "domain with agents" if kind.agents else f"{kind.layout} domain"
+        raise PolicyError(f"policy {quoted(word)} needs a {needed}, {domain.name} is none (there: {known})")
     if colon and not kind.argument and not kind.needs_file and not kind.optional:
         raise PolicyError(f"policy {quoted(word)} takes no parameter, but {quoted(spec)} gives one")
     argument = text if colon else kind.argument
@@ -287,8 +321,8 @@ def check_from_data(spec: str, allow_code: bool = False) -> None:
     Raises:
         PolicyError: it names one, and ``allow_code`` is False; the message says what would be read or run.
     """
-    word, code = spec.partition(":")[0], names_code(spec)
-    if (code or any(kind.word == word and kind.needs_file for kind in _KINDS)) and not allow_code:
+    (word, colon, _), code = spec.partition(":"), names_code(spec)
+    if (code or any(kind.word == word and kind.needs_file and colon for kind in _KINDS)) and not allow_code:
         raise PolicyError(registry.refusal(spec, "run" if code else "read"))
 
 

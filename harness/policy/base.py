@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from harness.engine.batch import Batch
 from harness.errors import PolicyError, quoted
+from harness.model.tables import STOP
 
 
 @runtime_checkable
@@ -123,6 +124,43 @@ def fitting(batch: Batch, remembered: NDArray[Any]) -> NDArray[Any]:
             "and give every thread a copy of the policy (copy.deepcopy)"
         )
     return remembered
+
+
+def checked(actions: Any, batch: Batch) -> NDArray[np.int32]:
+    """The policy's actions as the engine takes them.
+
+    Raises:
+        PolicyError: they are no actions.
+    """
+    try:
+        array = np.array(actions)  # a copy: who holds the policy's own may change it after it has been checked
+    except ValueError:  # lists of different lengths
+        raise PolicyError(f"act() must return {batch.size} action indices, not {quoted(actions)}") from None
+    if array.shape != (batch.size,) or array.dtype.kind not in "iu":
+        raise PolicyError(
+            f"act() must return {batch.size} action indices (whole numbers, one an episode), "
+            f"not an array of shape {array.shape} and type {array.dtype}"
+        )
+    n = batch.domain.n_actions
+    if array.min() < STOP or array.max() >= n:
+        wrong = array[(array < STOP) | (array >= n)][0]
+        raise PolicyError(
+            f"act() returned action {wrong}; {batch.domain.name} has the actions 0 to {n - 1} (and {STOP}: stop here)"
+        )
+    return array.astype(np.int32, copy=False)
+
+
+def to_words(array: NDArray[Any]) -> NDArray[np.int64]:
+    """A memory as words of 64 bits, (E, …) to (E, words): whole numbers as they are, of others the bits."""
+    flat = array.reshape(len(array), -1)
+    return flat.astype(np.float64).view(np.int64) if array.dtype.kind == "f" else flat.astype(np.int64)
+
+
+def from_words(words: NDArray[np.int64], like: NDArray[Any]) -> NDArray[Any]:
+    """Inverse of :func:`to_words`."""
+    words = np.ascontiguousarray(words)
+    flat = words.view(np.float64) if like.dtype.kind == "f" else words
+    return flat.astype(like.dtype).reshape(len(words), *like.shape[1:])
 
 
 def constant(size: int, action: int) -> NDArray[np.int32]:

@@ -23,8 +23,10 @@ def controller_of(program: Program, domain: Domain) -> Nodes:
     the belief is no finite memory.
 
     Raises:
-        PolicyError: the program asks for beliefs, or remembers too much.
+        PolicyError: the program asks for beliefs, remembers too much, or has a section for each agent.
     """
+    if program.parts:
+        raise PolicyError("the program has a section for each agent, whose controllers are several; take one section")
     if program.uses_belief:
         raise PolicyError("the program asks for beliefs, which no finite memory holds; its readings alone may decide")
     start = (0, STOP, *[-1] * len(program.words.checks))  # place, last action, readings

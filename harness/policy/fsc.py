@@ -87,13 +87,17 @@ def read_controller(path: Path, domain: Domain) -> Nodes:
         record = json.loads(files.read_source(path, PolicyError))
     except ValueError as error:
         raise PolicyError(f"{path}: not JSON: {error}") from None
-    if not isinstance(record, dict):
-        raise PolicyError(f"{path}: a controller is an object with start and nodes")
-    reader = _of_paynt if "action_function" in record else _of_rules
     try:
-        return reader(record, domain)
+        return of_record(record, domain)
     except PolicyError as error:
         raise PolicyError(f"{path}: {error}") from None
+
+
+def of_record(record: Any, domain: Domain) -> Nodes:
+    """The controller of a file's JSON, as :func:`read_controller`."""
+    if not isinstance(record, dict):
+        raise PolicyError("a controller is an object with start and nodes")
+    return _of_paynt(record, domain) if "action_function" in record else _of_rules(record, domain)
 
 
 def to_record(nodes: Nodes, domain: Domain) -> dict[str, Any]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +29,24 @@ def stored_program(path: Path, domain: Domain) -> Program:
     """
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
-        text, model = "\n".join(record["program"]), record["model_hash"]
+        text, _ = "\n".join(record["program"]), record["model_hash"]
     except (OSError, ValueError, KeyError, TypeError):
         raise PolicyError(f"{path}: not a readable best.json of a run; evolve the program again") from None
-    if model != domain.model_hash:
-        raise PolicyError(
-            f"{path}: evolved on {record.get('domain')} version {record.get('domain_version')}, another model than "
-            f"{domain.name} version {domain.version}; evolve it again"
-        )
+    require_model(record, path, domain, "evolved", "evolve it again")
     return parse(text, words_of(domain), source=str(path))
+
+
+def require_model(record: Mapping[str, Any], path: Path, domain: Domain, made: str, mend: str) -> None:
+    """Do nothing where the record of a file is of a domain's model.
+
+    Raises:
+        PolicyError: it is of another one.
+    """
+    if record["model_hash"] != domain.model_hash:
+        raise PolicyError(
+            f"{path}: {made} on {record.get('domain')} version {record.get('domain_version')}, another model than "
+            f"{domain.name} version {domain.version}; {mend}"
+        )
 
 
 class ProgramPolicy:
@@ -46,7 +57,13 @@ class ProgramPolicy:
     memory = ("_place", "_registers", "_last")
 
     def __init__(self, program: Program) -> None:
-        """``program``: compiled for the domain that it will run on."""
+        """``program``: compiled for the domain that it will run on.
+
+        Raises:
+            PolicyError: it has a section for each agent, which :func:`harness.policy.team.policy_of` plays.
+        """
+        if program.parts:
+            raise PolicyError("a program with a section for each agent is played by a team, not by one controller")
         self.program = program
         self.uses_belief = program.uses_belief
 

@@ -24,6 +24,8 @@ class Program:
     """(n,) of :data:`harness.program.words.INSTRUCTION`; read-only."""
     loop: bool
     """Whether it starts again at the top until the episode ends."""
+    parts: tuple[Program, ...] = ()
+    """A program for each agent, of which :attr:`code` is one after the other; none where one controller runs it."""
 
     def __deepcopy__(self, memo: object) -> Program:
         """Itself: a program never changes, so copies of what holds it share it."""
@@ -32,6 +34,8 @@ class Program:
     @cached_property
     def text(self) -> str:
         """The program, one statement a line; parsing it gives this program again."""
+        if self.parts:
+            return "".join(f"agent({i}):\n{part.text}" for i, part in enumerate(self.parts, 1))
         head = ["loop"] if self.loop else []
         return "\n".join([*head, *lines(self.code, self.words)]) + "\n"
 

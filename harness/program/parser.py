@@ -39,6 +39,8 @@ _TOKEN = re.compile(
 _STATEMENT = re.compile(rf"\s*{_SIMPLE}")
 _STATEMENTS = re.compile(rf"{_STATEMENT.pattern}|\s*\S[\s\S]*")
 """What is no such statement is taken with all after it, so that no place of it is looked at twice."""
+_HEAD = re.compile(r"#[^\n]*|\bagent\(\s*(?P<number>\d{1,9})\s*\)\s*:")
+"""Where an agent's section begins; or a comment, which says nothing."""
 _PARTS = re.compile(rf"(?:if\s*\(\s*(?P<test>{_TEST})\s*\)\s*)?(?P<action>{CALL})")
 
 
@@ -60,7 +62,8 @@ def parse(text: str, words: Words, *, loop: bool = False, source: str = "program
     """Compile a program text.
 
     Args:
-        text: the program. A first word ``loop`` makes it start again at the top until the episode ends.
+        text: the program. A first word ``loop`` makes it start again at the top until the episode ends. On a domain
+            with agents it may be a program for each of them, below ``agent(1):``, ``agent(2):`` and so on.
         words: of the domain, see :func:`harness.program.words.words_of`.
         loop: start again at the top even without that word.
         source: what to call the text in error messages, such as a file's name.
@@ -68,6 +71,8 @@ def parse(text: str, words: Words, *, loop: bool = False, source: str = "program
     Raises:
         ProgramError: with line and column, in one sentence.
     """
+    if words.agents and (heads := [match for match in _HEAD.finditer(text) if match["number"]]):
+        return _sections(text, heads, words, loop, source)
     pieces = _statements(text, words, source)
     if pieces is None:
         return _Parser(text, words, source).program(loop)
@@ -89,6 +94,27 @@ def constant_spans(text: str, words: Words) -> list[tuple[int, int]]:
             number = list(_NUMBER.finditer(test))[-1]
             spans.append((at + number.start(), at + number.end()))
     return spans
+
+
+def _sections(text: str, heads: list[re.Match[str]], words: Words, loop: bool, source: str) -> Program:
+    """A program for each agent, each in words of its own."""
+    before = _HEAD.sub("", text[: heads[0].start()]).strip()  # without comments
+    if before or [int(head["number"]) for head in heads] != list(range(1, len(words.agents) + 1)):
+        wanted = " ".join(f"agent({i}): …" for i in range(1, len(words.agents) + 1))
+        raise ProgramError(f"{source}: {words.domain.name} takes a program for each agent, in order: {wanted}")
+    ends = [*(head.start() for head in heads[1:]), len(text)]
+    parts = [
+        _section(text, head.end(), end, own, loop, source)
+        for head, end, own in zip(heads, ends, words.agents, strict=True)
+    ]
+    return Program(words, np.concatenate([part.code for part in parts]), False, tuple(parts))
+
+
+def _section(text: str, start: int, end: int, words: Words, loop: bool, source: str) -> Program:
+    try:
+        return parse(text[start:end], words, loop=loop)
+    except ProgramError:  # once more with blanks in place of what comes before: for the line and the column
+        return parse(re.sub(r"[^\n]", " ", text[:start]) + text[start:end], words, loop=loop, source=source)
 
 
 def _statements(text: str, words: Words, source: str) -> list[bytes] | None:

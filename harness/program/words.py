@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import PolicyError, nearest, quoted
+from harness.model.agents import local_view
 from harness.model.domain import Domain
 
 ACT, IF, ELSE, WHILE, AGAIN, NOT, AND, OR, BELIEF, VISIBLE, READING, REGISTER, AT = range(13)
@@ -73,6 +74,8 @@ class Words:
     each of J sensors the index of the sensor's label in it."""
     register: NDArray[np.int16]
     """(A,) register that keeps an action's reading; −1 for none."""
+    agents: tuple[Words, ...] = ()
+    """What each agent's section may say, where there are agents."""
     statements: dict[str, bytes] = field(default_factory=dict, repr=False)
     """Code of the simple statements that the parser has met."""
     _known: dict[str, bytes] = field(default_factory=dict, repr=False)
@@ -165,6 +168,7 @@ def words_of(domain: Domain) -> Words:
         {sensor.name: _INDEX + 1 + j for j, sensor in enumerate(domain.sensors)},
         np.vstack([[_number(label) for label in domain.observations], np.arange(n), domain.labels_of(np.arange(n)).T]),
         register,
+        tuple(words_of(local_view(domain, i)) for i in range(len(domain.agents))),
     )
 
 

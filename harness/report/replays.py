@@ -15,6 +15,7 @@ from harness.errors import HarnessError
 from harness.model.domain import Domain
 from harness.policy import Policy
 from harness.policy.program import ProgramPolicy
+from harness.policy.team import policy_of
 from harness.program import parse, words_of
 from harness.report.hidden import hidden
 from harness.report.programs import lines_of
@@ -101,7 +102,7 @@ def _horizon(wanted: Wanted) -> int:
 
 def _policy(wanted: Wanted, domain: Domain, allow_code: bool) -> Policy:
     if wanted.program:
-        return ProgramPolicy(parse(wanted.program, words_of(domain), source=wanted.label))
+        return policy_of(parse(wanted.program, words_of(domain), source=wanted.label))
     return policies.make_from_data(wanted.spec, domain, allow_code)[1]
 
 

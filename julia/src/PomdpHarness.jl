@@ -16,7 +16,7 @@ using SHA: SHA
 using SpecialFunctions: erf
 using StaticArrays: SVector, setindex
 
-export RockSample, RockState, FieldVision, BorderCross, BorderState, FactoredUpdater, FactoredBelief, belief_updater
+export RockSample, RockState, FieldVision, BorderCross, BorderState, DecBorderCross, FactoredUpdater, FactoredBelief, belief_updater
 export UP, RIGHT, DOWN, LEFT, SAMPLE, COOPERATE, check, instance
 export OutsidePolicy, python_policy
 export action_names, observation_names, belief_features, layout, shapings, shaped
@@ -28,6 +28,7 @@ include("rocksample.jl")
 include("rockmaps.jl")
 include("fieldvision.jl")
 include("bordercross.jl")
+include("decbordercross.jl")
 include("tag.jl")
 include("heavenhell.jl")
 include("tiger.jl")

@@ -49,6 +49,8 @@ const BORDERCROSS_HISTORY = [
     "2: the potential shaping is Φ(s′) − Φ(s), without γ, as fitness is undiscounted; scores without shaping are as before",
 ]
 
+const BORDERCROSS_STARTS = [(r, c) for r in 1:7 for c in 1:3]     # where robot 2 hides
+
 "An instance whose whole state is hidden: one factor, as any model of POMDPs.jl."
 hidden_instance(name, title, sources, make) =
     Instance(name, 1, title, ["1: first release"], [SHARED_SOURCES; "flat.jl"; sources], () -> Flat(make()))
@@ -63,7 +65,16 @@ const INSTANCES = [
     Instance(
         "bordercross-7x8-random", 2, "BorderCross, robot 2 starts hidden in columns 1 to 3", BORDERCROSS_HISTORY,
         [SHARED_SOURCES; "gridmap.jl"; "bordercross.jl"],
-        () -> BorderCross(; start2 = [(r, c) for r in 1:7 for c in 1:3]),
+        () -> BorderCross(; start2 = BORDERCROSS_STARTS),
+    )
+    Instance(
+        "dec-bordercross-7x8", 1, "DecBorderCross, both robots act at once, each by its own reading", ["1: first release"],
+        [SHARED_SOURCES; "gridmap.jl"; "bordercross.jl"; "decbordercross.jl"], () -> DecBorderCross(),
+    )
+    Instance(
+        "dec-bordercross-7x8-random", 1, "DecBorderCross, robot 2 starts hidden in columns 1 to 3", ["1: first release"],
+        [SHARED_SOURCES; "gridmap.jl"; "bordercross.jl"; "decbordercross.jl"],
+        () -> DecBorderCross(; start2 = BORDERCROSS_STARTS),
     )
     Instance(
         "tag", 1, "Tag, an opponent hides in 29 cells", ["1: first release"],

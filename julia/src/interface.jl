@@ -134,6 +134,30 @@ model without sensors, else of its index, 1 where it tells nothing.
 own_reading(m, s, a, sp) = observation(m, s, a, sp)
 
 """
+    agent_names(m)
+
+Names of the agents of a Dec-POMDP, each of which acts by its own readings alone; none, the default, where one controller
+does. A model that has some defines [`agent_actions`](@ref) and [`agent_observations`](@ref) too. The model itself is the
+problem of one controller that sees what all of them read: its actions and observations are the combinations of theirs, of
+which `actionindex` and `obsindex` run through those of the last agent fastest.
+"""
+agent_names(m) = String[]
+
+"""
+    agent_actions(m, i)
+
+Names of the actions of agent `i`, as its programs spell them, in index order.
+"""
+function agent_actions end
+
+"""
+    agent_observations(m, i)
+
+Names of what agent `i` may observe, in index order.
+"""
+function agent_observations end
+
+"""
     belief_features(m)
 
 What policies may ask about the belief: a vector of `(name, factor, value)`, the name standing for the

@@ -160,5 +160,7 @@ function describe(m::POMDP)
         described["sensors"] =
             [Any[name, k - 1, sensor_labels(m, j)] for (j, (name, k)) in enumerate(zip(sensor_names(m), sensor_factors(m)))]
     end
+    agents = [Any[name, agent_actions(m, i), agent_observations(m, i)] for (i, name) in enumerate(agent_names(m))]
+    isempty(agents) || (described["agents"] = agents)
     return described
 end

@@ -9,7 +9,10 @@ include("models.jl")
 const SMALL_ROCKS = RockSample([(2, 1), (1, 2), (3, 3)]; columns = 3)
 const SMALL_BORDER = BorderCross(; rows = 3, columns = 5, start1 = (2, 1), start2 = [(3, 2)])
 const SMALL_HIDDEN = BorderCross(; rows = 3, columns = 5, start1 = (2, 1), start2 = [(r, c) for r in 1:3 for c in 1:2])
-const SMALL = [SMALL_ROCKS, SMALL_BORDER, SMALL_HIDDEN]
+const SMALL_DEC = DecBorderCross(; rows = 3, columns = 5, start1 = (2, 1), start2 = [(3, 2)], max_reading = 4)
+const SMALL_DEC_HIDDEN =
+    DecBorderCross(; rows = 3, columns = 5, start1 = (2, 1), start2 = [(r, c) for r in 1:3 for c in 1:2], max_reading = 4)
+const SMALL = [SMALL_ROCKS, SMALL_BORDER, SMALL_HIDDEN, SMALL_DEC, SMALL_DEC_HIDDEN]
 
 """
 POMDPTools' `has_consistent_distributions` compares every pair of states for every action, 2·10⁹ of them on
@@ -33,7 +36,7 @@ end
 @testset "PomdpHarness" begin
     @testset "$file" for file in [
         "rocksample.jl", "bordercross.jl", "interface.jl", "updater.jl", "simulator.jl", "tables.jl", "instances.jl",
-        "fieldvision.jl", "grids.jl", "baselines.jl", "players.jl", "outside.jl", "momdps.jl", "hygiene.jl",
+        "fieldvision.jl", "decbordercross.jl", "grids.jl", "baselines.jl", "players.jl", "outside.jl", "momdps.jl", "hygiene.jl",
     ]
         include(file)
     end
