@@ -14,7 +14,7 @@ from harness import cards, host, locking, registry
 from harness.benchmark import budgets, playing, scorelist
 from harness.benchmark.budgets import Budget
 from harness.benchmark.folder import SuiteFolder
-from harness.benchmark.playing import ENGINE, HORIZON, Part, Played
+from harness.benchmark.playing import ENGINE, Part, Played
 from harness.model.domain import Domain
 from harness.play import cluster, executor
 from harness.play.executor import Workers
@@ -170,7 +170,7 @@ class _Game:
     def _row(self, entry: Entry, played: list[Played]) -> dict[str, Any]:
         """The columns of a row whose parts are all there; from now on it is there itself."""
         if entry.policy is None:
-            cells, seconds = comparison.bound_cells(entry, HORIZON), 0.0
+            cells, seconds = comparison.bound_cells(entry, playing.horizon(self.domain)), 0.0
         else:
             result, seconds = playing.joined(self.domain, entry.name, played)
             cells = comparison.played_cells(entry, result)
