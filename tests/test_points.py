@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harness
+from harness.cli import main
 from harness.errors import HarnessError, SnapshotError
 from harness.model import domain as domains
 from harness.policy import alpha
@@ -278,6 +279,18 @@ def test_a_solution_is_a_file_and_a_policy_again(tmp_path):
     assert score.mean > 400
     with pytest.raises(SnapshotError, match="another model"):
         harness.evaluate("rocksample-7x8", f"alpha:{path}", episodes=10)
+
+
+def test_what_simulated_episodes_act_by_is_kept(tmp_path):
+    files = [tmp_path / "all.npz", tmp_path / "kept.npz"]
+    for path, more in zip(files, ([], ["--keep-used", "20"]), strict=True):
+        assert main(["solve", "bordercross-7x8-random", "--gap", "5", "--out", str(path), *more]) == 0
+    domain = harness.load("bordercross-7x8-random")
+    whole, kept = (solutions.read(path, domain) for path in files)
+    assert len(kept.arrays["actions"]) < len(whole.arrays["actions"]) == kept.record["vectors_solved"]
+    assert (kept.record["lower"], kept.record["upper"]) == (whole.record["lower"], whole.record["upper"])
+    mean, sem = earned(domain, kept.arrays, horizon=50)
+    assert mean >= kept.record["lower"] - 4 * sem
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ ENGINE = "tables"
 """That of both engines which every domain has; the numbers are the same."""
 
 _CUT = 0.1
-"""Weight of a reward after :data:`HORIZON` steps from which on too much is earned later for episodes to be cut there."""
+"""Weight of a reward after :data:`HORIZON` steps from which on too much is earned later to cut episodes there."""
 REST = 0.01
 """Weight of a reward at which endless episodes are cut."""
 _LONG, _SHORT = 1_000, 2  # episodes of a part; the short ones of policies that plan by simulation

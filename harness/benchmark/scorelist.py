@@ -20,8 +20,8 @@ def text(table: pd.DataFrame, budget: Budget) -> str:
     """
     rows = table[(table["kind"] == "policy") & (table["episodes"] >= budget.episodes)]
     return "\n".join(
-        _written(Row(str(row.domain), str(row.policy), EPISODES, SEED, int(row.horizon), ENGINE))
-        for row in rows.itertuples()
+        _written(Row(domain, policy, EPISODES, SEED, int(horizon), ENGINE))
+        for domain, policy, horizon in rows[["domain", "policy", "horizon"]].to_numpy()
     )
 
 

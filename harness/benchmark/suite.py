@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,8 @@ from harness.score.bounds import NAMES
 from harness.score.comparison import Entry
 from harness.score.table import COLUMNS, Table
 
-ORIGIN = ("seconds", "model_hash", "versions")
-"""Columns that a suite's table has beside those of a comparison: seconds of one core, of what was played."""
+ORIGIN = ("seconds", "date", "model_hash", "versions")
+"""Columns that a suite's table has beside those of a comparison: seconds of one core, when, of what was played."""
 TABLE, COVERAGE, SCORES = "suite.csv", "coverage.csv", "scores.toml"
 
 
@@ -174,7 +175,7 @@ class _Game:
         else:
             result, seconds = playing.joined(self.domain, entry.name, played)
             cells = comparison.played_cells(entry, result)
-        origin = (seconds, self.domain.model_hash, executor.fingerprint())
+        origin = (seconds, date.today().isoformat(), self.domain.model_hash, executor.fingerprint())
         row = {**cells, **dict(zip(ORIGIN, origin, strict=True))}
         self.folder.keep_row(self.domain, entry.name, row)
         return row

@@ -19,6 +19,9 @@ LEGEND = f"""Discounted returns, mean ± standard error, unless the method's lin
 {RECALLED}: from memory, read nowhere yet; quoted: read where somebody else quotes it."""
 
 
+_JUDGED = ["verdict", "gap", "combined_error", "optimum_low", "optimum_high"]
+
+
 def render(table: pd.DataFrame, format: str = "table") -> str:
     """The table of :func:`harness.literature` as ``harness literature`` prints it.
 
@@ -76,9 +79,6 @@ def _ours(ours: float, error: float, printed: str) -> str:
 
 def _number(text: str, error: float) -> str:
     return text if pd.isna(error) else f"{text} ± {error:.2f}"
-
-
-_JUDGED = ["verdict", "gap", "combined_error", "optimum_low", "optimum_high"]
 
 
 def _verdict(verdict: str, gap: float, error: float, low: float, high: float) -> str:
