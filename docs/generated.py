@@ -73,8 +73,8 @@ def baselines() -> str:
         return tabulate(cells.to_dict("list"), headers="keys", tablefmt="github", disable_numparse=True)
 
     table = pd.read_csv(Path(__file__).with_name("baselines.csv"))
-    dates = f"{table['date'].min()} to {table['date'].max()}"
-    played = f"Played {dates}; {', '.join(sorted(set(table['versions'])))}."
+    dates = " to ".join(sorted({table["date"].min(), table["date"].max()}))
+    played = f"Played {dates}; {'; '.join(sorted(set(table['versions'])))}."
     domains = "".join(
         f"\n\n### {domain}\n\n{printed(rendering.shown(part).drop(columns='domain', errors='ignore'))}"
         for domain, part in table.groupby("domain", sort=False)
