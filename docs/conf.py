@@ -68,8 +68,10 @@ def _public_name(app, env, node, contnode):
 
 
 def _add_generated(app, docname, source):
-    if docname in ("command-line", "literature"):
-        source[0] += generated.commands() if docname == "command-line" else generated.literature()
+    made = {
+        "command-line": generated.commands, "literature": generated.literature, "baselines": generated.baselines
+    }.get(docname)  # fmt: skip
+    source[0] += made() if made else ""
 
 
 def setup(app):

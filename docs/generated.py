@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness.cli import help_texts
 
@@ -12,6 +12,9 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def measured() -> dict[str, list[dict[str, Any]]]:
@@ -56,3 +59,43 @@ def literature() -> str:
     whys = "\n".join(f"- {note}" for note in listing.notes(found))
     figures = tabulate(listing.shown(found).to_dict("list"), headers="keys", tablefmt="github", disable_numparse=True)
     return f"\n{figures}\n\n{listing.tally(found)}\n\n## Notes\n\n{whys}\n\n## Where each was read\n\n{read}\n"
+
+
+def baselines() -> str:
+    """The bounds that ship, and a table a domain: what ``docs/baselines.csv``, written by the suite, says."""
+    import pandas as pd
+    from tabulate import tabulate
+
+    from harness.score import rendering
+    from harness.score.aggregation import coverage
+
+    def printed(cells: pd.DataFrame) -> str:
+        return tabulate(cells.to_dict("list"), headers="keys", tablefmt="github", disable_numparse=True)
+
+    table = pd.read_csv(Path(__file__).with_name("baselines.csv"))
+    dates = " to ".join(sorted({table["date"].min(), table["date"].max()}))
+    played = f"Played {dates}; {'; '.join(sorted(set(table['versions'])))}."
+    domains = "".join(
+        f"\n\n### {domain}\n\n{printed(rendering.shown(part).drop(columns='domain', errors='ignore'))}"
+        for domain, part in table.groupby("domain", sort=False)
+    )
+    covered = printed(rendering.covered(coverage(table)))
+    return f"\n{printed(bounds())}\n\n## Over all domains\n\n{played}\n\n{covered}\n\n## Domain by domain{domains}\n"
+
+
+def bounds() -> pd.DataFrame:
+    """The bounds of the optimal value that ship, a row a domain."""
+    import pandas as pd
+
+    from harness import load, registry
+    from harness.score.rendering import outward
+    from harness.solver import solution
+
+    rows = []
+    for name in registry.names():
+        if (path := registry.policy_path(name, solution.OWN)).exists():
+            record = solution.read(path, load(name), *solution.OWN_KINDS).record
+            low, high = outward(record["lower"], record["upper"])
+            apart = f"{record['upper'] - record['lower']:.3g}"
+            rows.append((name, low, high, apart, f"{record['seconds']:.0f}", record["stopped"]))
+    return pd.DataFrame(rows, columns=["domain", "lower", "upper", "apart", "seconds", "ended"])

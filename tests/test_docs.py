@@ -6,6 +6,7 @@ import pkgutil
 import re
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 import harness
@@ -14,6 +15,7 @@ from harness.cli import main
 from harness.ge import grammar as bnf
 from harness.ge.fitness import check_language
 from harness.program import parse, words_of
+from harness.score import bounds
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -55,6 +57,21 @@ def test_the_page_of_the_commands_is_what_they_print(capsys, monkeypatch):
     for command in commands:
         assert f"## `harness {command}`\n\n```text\n{_printed(capsys, command)}```\n" in page
     assert "cmaes     sigma=0.3" in page  # the settings of the methods are put in when help is asked for
+
+
+def test_the_baselines_are_of_the_domains_and_bounds_that_ship(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    import generated
+
+    table = pd.read_csv(ROOT / "docs" / "baselines.csv")
+    page, known = generated.baselines(), generated.bounds().set_index("domain")
+    assert set(table["domain"]) == set(known.index) == set(harness.names())
+    for name, part in table.groupby("domain"):
+        domain = harness.load(name)
+        assert set(part["model_hash"]) == {domain.model_hash}, f"{name} has changed: play harness suite again"
+        assert set(part["optimum_high"].dropna()) == {bounds.optimum(domain).high}, f"{name} was solved anew"
+        assert float(known["lower"][name]) <= bounds.optimum(domain).low
+        assert f"### {name}\n" in page
 
 
 def _printed(capsys, *command):

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harness
+from harness.cli import main
 from harness.errors import HarnessError, SnapshotError
 from harness.model import domain as domains
 from harness.policy import alpha
@@ -196,11 +197,25 @@ def test_every_vector_is_carried_by_those_kept_with_it(seed, sizes):
     """At any belief a vector promises no more than its action pays now and the best vectors promise next."""
     rng = np.random.default_rng(seed)
     domain = models.random_domain(rng, list(sizes), 3, 3, 2, 0.9)
-    kept = points.arrays(solved(domain, 0.1, 3))
+    course = solved(domain, 0.1, 3)
     joint = list(itertools.product(*map(range, sizes)))
-    for v, a, vector in zip(kept["visible"], kept["actions"], kept["values"], strict=True):
-        belief = rng.dirichlet(np.full(len(joint), 0.5))
-        assert belief @ vector <= backed_up(domain, kept, int(v), int(a), belief, joint) + 1e-12
+    for kept in (points.arrays(course), points.rounded(course)[0]):
+        for v, a, vector in zip(kept["visible"], kept["actions"], kept["values"], strict=True):
+            belief = rng.dirichlet(np.full(len(joint), 0.5))
+            assert belief @ vector <= backed_up(domain, kept, int(v), int(a), belief, joint) + 1e-12
+
+
+def test_what_is_stored_has_few_digits_and_is_worth_nearly_as_much():
+    course = solved(models.rocksample(4, [(3, 1), (2, 1), (1, 3), (1, 0)], (0, 2)), 0.5)
+    exact, (kept, less) = points.arrays(course), points.rounded(course)
+    assert 0 < less <= points.LEFT * (course.upper - course.lower)
+    lowered = exact["values"] - kept["values"]
+    assert (lowered > 0).all()
+    assert (lowered <= less).all()
+    assert kept["values"].dtype == np.float32
+    assert len(np.unique(np.round(kept["values"] * 2**30) % 2**12)) == 1  # no finer than 2⁻¹⁸
+    here = kept["visible"] == course.domain.arrays["prior_visible"][0]
+    assert kept["values"][here].mean(axis=1).max() >= course.lower - less  # at the start all is equally likely
 
 
 def backed_up(domain, kept, v, a, belief, joint):
@@ -264,6 +279,18 @@ def test_a_solution_is_a_file_and_a_policy_again(tmp_path):
     assert score.mean > 400
     with pytest.raises(SnapshotError, match="another model"):
         harness.evaluate("rocksample-7x8", f"alpha:{path}", episodes=10)
+
+
+def test_what_simulated_episodes_act_by_is_kept(tmp_path):
+    files = [tmp_path / "all.npz", tmp_path / "kept.npz"]
+    for path, more in zip(files, ([], ["--keep-used", "20"]), strict=True):
+        assert main(["solve", "bordercross-7x8-random", "--gap", "5", "--out", str(path), *more]) == 0
+    domain = harness.load("bordercross-7x8-random")
+    whole, kept = (solutions.read(path, domain) for path in files)
+    assert len(kept.arrays["actions"]) < len(whole.arrays["actions"]) == kept.record["vectors_solved"]
+    assert (kept.record["lower"], kept.record["upper"]) == (whole.record["lower"], whole.record["upper"])
+    mean, sem = earned(domain, kept.arrays, horizon=50)
+    assert mean >= kept.record["lower"] - 4 * sem
 
 
 @pytest.mark.parametrize(

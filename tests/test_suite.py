@@ -37,8 +37,8 @@ def done(tmp_path_factory):
 
 
 def numbers(folder):
-    """All results but the seconds that they took."""
-    table = pd.read_csv(folder / "suite.csv").drop(columns="seconds")
+    """All results but when they came and the seconds that they took."""
+    table = pd.read_csv(folder / "suite.csv").drop(columns=["seconds", "date"])
     return table.to_csv(), (folder / "coverage.csv").read_bytes()
 
 
@@ -72,7 +72,8 @@ class TestResults:
         for spec in TINY.policies(domain):
             episodes = mine.loc[spec, "episodes"]
             count = None if pd.isna(episodes) else int(episodes)
-            theirs = harness.compare(domain, spec, episodes=count, engine="tables")
+            horizon = 90 if domain.name.startswith("tiger") else 50  # it has no end, and 0.95⁹⁰ is below a hundredth
+            theirs = harness.compare(domain, spec, episodes=count, horizon=horizon, engine="tables")
             for column in theirs.columns.drop(["policy", "reference"]):
                 a, b = theirs.iloc[0][column], mine.loc[spec, column]
                 assert a == b or (pd.isna(a) and pd.isna(b)), (spec, column)
@@ -89,7 +90,7 @@ class TestResults:
 
     def test_the_table_is_one_of_compare_and_pandas_opens_it(self, done):
         table = pd.read_csv(done.folder / "suite.csv")
-        assert table.columns[-3:].tolist() == list(ORIGIN)
+        assert table.columns[-len(ORIGIN) :].tolist() == list(ORIGIN)
         assert len(table) == len(done.table)
         harness.render(table)
 
@@ -103,6 +104,13 @@ class TestResults:
         rows = stored.read(done.folder / "scores.toml").rows
         assert ("bordercross-7x8-random", "random", 50) in [row.key[:3] for row in rows]
         assert not any(row.policy.startswith("pomcp") for row in rows)
+
+    def test_little_is_left_when_episodes_are_cut(self):
+        """RockSample's and BorderCross's at 50 steps, as the paper's; later without an end or much of a discount."""
+        found = {name: playing.horizon(harness.load(name)) for name in harness.names() if "20x20" not in name}
+        assert found["rocksample-7x8"] == found["bordercross-7x8"] == found["tag"] == 50
+        assert found["hallway"] == found["tiger"] == 90
+        assert found["heaven-hell"] == found["rocksample-7x8@pobax"] == 459
 
     def test_what_it_shows_of_itself(self, done):
         assert "domains 2" in repr(done)

@@ -43,8 +43,8 @@ def _word(spec: str) -> str:
 
 QUICK = Budget("quick", 1_000, 20, ("rollout:100", "pomcp:100", "despot:50"))
 """A few minutes on two cores; errors are wide, those of the planners above all."""
-FULL = Budget("full", EPISODES, 1_000, ("rollout:100", "pomcp:1000", "despot:500"))
-"""What ``compare`` plays: 10,000 episodes, 1,000 of ``rollout`` and 100 of the other planners; hours."""
+FULL = Budget("full", EPISODES, 1_000, ("rollout:100", "pomcp:1000", "despot:100"))
+"""What ``compare`` plays: 10,000 episodes, 1,000 of ``rollout`` and 100 of the other planners; an hour or two."""
 
 BUDGETS = {budget.name: budget for budget in (QUICK, FULL)}
 

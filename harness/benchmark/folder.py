@@ -11,7 +11,7 @@ from typing import Any
 
 from harness import files
 from harness.benchmark.budgets import Budget
-from harness.benchmark.playing import ARRAYS, HORIZON, SEED, Part, Played
+from harness.benchmark.playing import ARRAYS, HORIZON, REST, SEED, Part, Played
 from harness.errors import SnapshotError
 from harness.model import archive
 from harness.model.domain import Domain
@@ -31,7 +31,7 @@ class SuiteFolder(Sealed):
         Raises:
             HarnessError: it holds something else, or cannot be written.
         """
-        config = {"budget": json.loads(json.dumps(asdict(budget))), "seed": SEED, "horizon": HORIZON}
+        config = {"budget": json.loads(json.dumps(asdict(budget))), "seed": SEED, "horizon": HORIZON, "rest": REST}
         self.begin_with(
             config, "suite", "of another budget, or a damaged one; give the --budget that it was begun with"
         )

@@ -9,7 +9,7 @@ import pandas as pd
 
 from harness.benchmark.budgets import Budget
 from harness.benchmark.playing import ENGINE, SEED
-from harness.play.evaluation import EPISODES, HORIZON
+from harness.play.evaluation import EPISODES
 from harness.regression.rows import Row
 
 
@@ -20,7 +20,8 @@ def text(table: pd.DataFrame, budget: Budget) -> str:
     """
     rows = table[(table["kind"] == "policy") & (table["episodes"] >= budget.episodes)]
     return "\n".join(
-        _written(Row(str(row.domain), str(row.policy), EPISODES, SEED, HORIZON, ENGINE)) for row in rows.itertuples()
+        _written(Row(domain, policy, EPISODES, SEED, int(horizon), ENGINE))
+        for domain, policy, horizon in rows[["domain", "policy", "horizon"]].to_numpy()
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from harness import cards, host, locking, registry
 from harness.benchmark import budgets, playing, scorelist
 from harness.benchmark.budgets import Budget
 from harness.benchmark.folder import SuiteFolder
-from harness.benchmark.playing import ENGINE, HORIZON, Part, Played
+from harness.benchmark.playing import ENGINE, Part, Played
 from harness.model.domain import Domain
 from harness.play import cluster, executor
 from harness.play.executor import Workers
@@ -26,8 +27,8 @@ from harness.score.bounds import NAMES
 from harness.score.comparison import Entry
 from harness.score.table import COLUMNS, Table
 
-ORIGIN = ("seconds", "model_hash", "versions")
-"""Columns that a suite's table has beside those of a comparison: seconds of one core, of what was played."""
+ORIGIN = ("seconds", "date", "model_hash", "versions")
+"""Columns that a suite's table has beside those of a comparison: seconds of one core, when, of what was played."""
 TABLE, COVERAGE, SCORES = "suite.csv", "coverage.csv", "scores.toml"
 
 
@@ -170,11 +171,11 @@ class _Game:
     def _row(self, entry: Entry, played: list[Played]) -> dict[str, Any]:
         """The columns of a row whose parts are all there; from now on it is there itself."""
         if entry.policy is None:
-            cells, seconds = comparison.bound_cells(entry, HORIZON), 0.0
+            cells, seconds = comparison.bound_cells(entry, playing.horizon(self.domain)), 0.0
         else:
             result, seconds = playing.joined(self.domain, entry.name, played)
             cells = comparison.played_cells(entry, result)
-        origin = (seconds, self.domain.model_hash, executor.fingerprint())
+        origin = (seconds, date.today().isoformat(), self.domain.model_hash, executor.fingerprint())
         row = {**cells, **dict(zip(ORIGIN, origin, strict=True))}
         self.folder.keep_row(self.domain, entry.name, row)
         return row

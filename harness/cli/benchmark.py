@@ -21,7 +21,7 @@ def register(commands: Any) -> None:
     )
     domain_argument(suite, all_by_default=True)
     suite.add_argument(
-        "--budget", choices=("quick", "full"), default="quick", help="quick: minutes (default); full: hours"
+        "--budget", choices=("quick", "full"), default="quick", help="quick: minutes (default); full: an hour or two"
     )
     suite.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder; goes on with what is there")
     suite.add_argument("--workers", type=positive, metavar="N", help="threads (default: one a core)")

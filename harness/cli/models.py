@@ -53,7 +53,7 @@ def register(commands: Any) -> None:
         "--keep-used",
         type=positive,
         metavar="N",
-        help="in Julia: keep the vectors that N simulated episodes act by",
+        help="of alpha vectors: keep those that N simulated episodes act by",
     )
     solve.add_argument(
         "--resume", type=Path, metavar="FILE", help=f"keep the state of {OWN} in FILE, and go on from it if it is there"
@@ -122,11 +122,10 @@ def _solve(options: argparse.Namespace) -> None:
 def _solve_here(options: argparse.Namespace) -> None:
     from tqdm import tqdm
 
+    from harness.play.trimming import only_used
     from harness.solver import solution as solutions
     from harness.solver import solving
 
-    if options.keep_used:
-        raise HarnessError(f"--keep-used is of the solvers in Julia; {OWN} stores what its policy needs and no more")
     limits = {"gap": options.gap, "memory": options.memory}
     with tqdm(desc=f"solving {options.domain}", bar_format="{desc} {elapsed} {postfix}", disable=None) as bar:
         bar.set_postfix_str("compiling, where this is the first time")
@@ -136,11 +135,13 @@ def _solve_here(options: argparse.Namespace) -> None:
 
         given = {name: value for name, value in limits.items() if value is not None}
         solved = solving.solve(options.domain, seconds=options.time, resume=options.resume, watch=watch, **given)
-    path = options.out or Path(f"{solved.domain.name}.{OWN}.npz")
-    solutions.save(path, solved.domain, solved.solution)
+    path, found = options.out or Path(f"{solved.domain.name}.{OWN}.npz"), solved.solution
+    word = "graph" if found.kind == solutions.GRAPH_KIND else "alpha"
+    if options.keep_used and word == "alpha":  # a graph holds nothing that its policy does not need
+        found = only_used(solved.domain, found, options.keep_used)
+    solutions.save(path, solved.domain, found)
     seconds = solved.history["seconds"].iloc[-1]
     print(f"{path}: lower {solved.lower:.6g}, upper {solved.upper:.6g}, {seconds:.1f} seconds; ended {solved.stopped}")
-    word = "graph" if solved.solution.kind == solutions.GRAPH_KIND else "alpha"
     print(f"score it: harness compare {options.domain} --policy {word}:{path}")
 
 

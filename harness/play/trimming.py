@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -38,8 +39,8 @@ class _Counting(AlphaVectorPolicy):
         self.used = np.zeros(len(solution.arrays["actions"]), dtype=np.bool_)
 
     def clone(self) -> _Counting:
-        """Itself: it counts for all batches, in the one thread that plays it."""
-        return self
+        """Another that counts in the same place."""
+        return copy.copy(self)
 
     def choose(self, batch: Batch) -> NDArray[np.intp]:
         chosen = super().choose(batch)

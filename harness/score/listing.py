@@ -8,14 +8,18 @@ import math
 import pandas as pd
 
 from harness.score.published import RECALLED, RETURN
-from harness.score.rendering import grid, remark, rows
-from harness.score.verdicts import NOT_REPRODUCED, REPRODUCED, SURE, TELLING, UNDECIDED
+from harness.score.rendering import grid, outward, remark, rows
+from harness.score.verdicts import ATTAINABLE, NOT_REPRODUCED, REPRODUCED, SURE, TELLING, UNATTAINABLE, UNDECIDED
 
 LEGEND = f"""Discounted returns, mean ± standard error, unless the method's line says otherwise.
 {REPRODUCED}: within {SURE:g} combined standard errors and the rounding of what was printed.
 {UNDECIDED}: that too, but {SURE:g} errors are more than {TELLING:.0%} of the value, so that little can be told.
 {NOT_REPRODUCED}: by how much ours is higher (+) or lower (-), with the combined error.
+{ATTAINABLE}: the method is not here; its figure is not above the optimum, which lies between the bounds given.
 {RECALLED}: from memory, read nowhere yet; quoted: read where somebody else quotes it."""
+
+
+_JUDGED = ["verdict", "gap", "combined_error", "optimum_low", "optimum_high"]
 
 
 def render(table: pd.DataFrame, format: str = "table") -> str:
@@ -44,7 +48,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
             "in": [_source(*pair) for pair in zip(table["source"], table["seen"], strict=True)],
             "ours": [_ours(*each) for each in table[["ours", "ours_error", "printed"]].to_numpy()],
             "policy": table["policy"].where(table["ours"].notna(), ""),
-            "verdict": [_verdict(*each) for each in table[["verdict", "gap", "combined_error"]].to_numpy()],
+            "verdict": [_verdict(*each) for each in table[_JUDGED].to_numpy()],
             "note": [str(numbers.get(why, "")) for why in table["why"]],
         }
     )
@@ -77,7 +81,9 @@ def _number(text: str, error: float) -> str:
     return text if pd.isna(error) else f"{text} ± {error:.2f}"
 
 
-def _verdict(verdict: str, gap: float, error: float) -> str:
+def _verdict(verdict: str, gap: float, error: float, low: float, high: float) -> str:
+    if verdict in (ATTAINABLE, UNATTAINABLE):
+        return f"{verdict} ({' to '.join(outward(low, high))})"
     return verdict if pd.isna(gap) else f"{verdict} ({gap:+.2f} ± {error:.2f})"
 
 

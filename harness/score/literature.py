@@ -12,7 +12,7 @@ import pandas as pd
 from harness import registry
 from harness.errors import HarnessError, nearest, quoted
 from harness.score import bounds, published
-from harness.score.verdicts import NOT_RUN, OTHER_RULES, compared
+from harness.score.verdicts import NOT_RUN, OTHER_RULES, compared, within
 from harness.solver import solution
 
 COLUMNS = (
@@ -27,7 +27,8 @@ def literature(domain: str | None = None) -> pd.DataFrame:
     """Every published figure that was found, what ours gives on the same rules, and a verdict.
 
     Figures of ours were measured once, by the command in ``run``; bounds are read from the solutions that ship. Where
-    rules differ, or nothing was run, ``why`` gives the reason and ``ours`` is empty.
+    rules differ, or nothing was run, ``why`` gives the reason and ``ours`` is empty; what a method that is not here is
+    said to earn is judged by the optimum.
 
     Args:
         domain: keep what concerns a domain of ours, or a problem by its published name; None: keep all.
@@ -72,16 +73,17 @@ def _optimum(domain: str) -> dict[str, float]:
 
 def _row(figure: Mapping[Any, Any], optimum: dict[str, float]) -> dict[str, Any]:
     more = optimum if figure["quantity"] == published.RETURN else {}
-    return {**figure, "value": float(figure["value"]), "printed": figure["value"], **more, **_judged(figure)}
+    return {**figure, "value": float(figure["value"]), "printed": figure["value"], **more, **_judged(figure, more)}
 
 
-def _judged(figure: Mapping[Any, Any]) -> dict[str, Any]:
+def _judged(figure: Mapping[Any, Any], optimum: Mapping[str, float]) -> dict[str, Any]:
     """The cells that depend on ours."""
     nothing = {"ours": math.nan, "ours_error": math.nan, "run": ""}
     if figure["differs"]:
         return {**nothing, "verdict": OTHER_RULES, "why": figure["differs"]}
     if not figure["run"]:
-        return {**nothing, "verdict": NOT_RUN, "why": figure["note"]}
+        bounded = within(figure["value"], figure["error"], optimum["optimum_high"]) if optimum else NOT_RUN
+        return {**nothing, "verdict": bounded, "why": figure["note"]}
     ours = _stored_lower(figure["domain"], figure["policy"]) if math.isnan(figure["ours"]) else figure["ours"]
     verdict, gap, error = compared(figure["value"], figure["error"], ours, figure["ours_error"])
     return {"ours": ours, "gap": gap, "combined_error": error, "verdict": verdict, "why": figure["note"]}

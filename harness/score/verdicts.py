@@ -12,9 +12,11 @@ TELLING = 0.05
 methods on RockSample(7, 8) lie this close together."""
 
 REPRODUCED, NOT_REPRODUCED, UNDECIDED = "reproduced", "not reproduced", "undecided"
+ATTAINABLE, UNATTAINABLE = "attainable", "not attainable"
 OTHER_RULES, NOT_RUN = "other rules", "not run"
-VERDICTS = (REPRODUCED, NOT_REPRODUCED, UNDECIDED, OTHER_RULES, NOT_RUN)
-"""What can become of a published figure; the first three where ours stands beside it."""
+VERDICTS = (REPRODUCED, NOT_REPRODUCED, UNDECIDED, ATTAINABLE, UNATTAINABLE, OTHER_RULES, NOT_RUN)
+"""What can become of a published figure; the first three where ours stands beside it, the next two where only the
+optimum does."""
 
 
 class Compared(NamedTuple):
@@ -46,6 +48,15 @@ def _verdict(gap: float, combined: float, value: str) -> str:
     if abs(gap) > SURE * combined + rounding(value):
         return NOT_REPRODUCED
     return UNDECIDED if SURE * combined > TELLING * abs(float(value)) else REPRODUCED
+
+
+def within(value: str, error: float, high: float) -> str:
+    """Judge a published return by an upper bound of the optimum: whether a method, whichever it is, can have earned it.
+
+    ``value`` and ``error`` are those of :func:`compared`, ``high`` the bound.
+    """
+    least = float(value) - SURE * (0.0 if math.isnan(error) else error) - rounding(value)
+    return ATTAINABLE if least <= high else UNATTAINABLE
 
 
 def rounding(value: str) -> float:

@@ -147,7 +147,8 @@ def solve(
     rows.append(_row(course, time.monotonic() - begun))
     if path:
         checkpoint.save(path, course, rows)
-    return Solved(domain, course.lower, course.upper, pd.DataFrame(rows), _solution(course, rows[-1], stopped), stopped)
+    solution = _solution(course, rows[-1], stopped)
+    return Solved(domain, solution.record["lower"], course.upper, pd.DataFrame(rows), solution, stopped)
 
 
 def _begin(domain: Domain, path: Path | None) -> tuple[Course, list[dict[str, Any]]]:
@@ -172,7 +173,7 @@ def _by_points(domain: Domain) -> bool:
 
 def _blocks(course: Course, gap: float, memory: int) -> Iterator[Course]:
     if isinstance(course, points.Course):
-        return points.blocks(course, gap, memory)
+        return points.blocks(course, (1.0 - points.LEFT) * gap, memory)
     return anytime.blocks(course, gap, memory)
 
 
@@ -210,16 +211,19 @@ def _counts(course: Course) -> Mapping[str, int]:
     return {"nodes": int(counts[N_NODES]), "trials": int(counts[TRIALS]), "cells": course.rows}
 
 
-def _arrays(course: Course) -> dict[str, NDArray[Any]]:
-    return points.arrays(course) if isinstance(course, points.Course) else policy_arrays(course)
+def _stored(course: Course) -> tuple[dict[str, NDArray[Any]], float]:
+    """The policy's arrays, and by how much less than the course's lower bound they earn at least."""
+    return points.rounded(course) if isinstance(course, points.Course) else (policy_arrays(course), 0.0)
 
 
 def _solution(course: Course, last: dict[str, Any], stopped: str) -> Solution:
+    arrays, less = _stored(course)
     record = {
         "solver": POINTS_SOLVER if isinstance(course, points.Course) else SOLVER,
         **{name: value for name, value in last.items() if name != "megabytes"},
+        "lower": course.lower - less,
         "peak_megabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000,
         "versions": host.versions("numpy", "numba"),
         "stopped": stopped,
     }
-    return Solution(record, _arrays(course))
+    return Solution(record, arrays)
