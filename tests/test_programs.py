@@ -12,7 +12,7 @@ from harness.engine import rng
 from harness.play.evaluation import evaluate
 from harness.play.population import Episodes, play
 from harness.policy.program import ProgramPolicy
-from harness.program import ProgramError, parse, words_of
+from harness.program import ProgramError, parse, pieces, words_of
 from tests import reference
 
 # A program as nested tuples: ("do", action) | ("if", condition, then, otherwise or None) | ("while", condition, body);
@@ -241,13 +241,14 @@ class TestText:
 
     @settings(max_examples=100, deadline=None)
     @given(block=programs)
-    def test_the_short_cut_for_plain_lists_changes_nothing(self, words, block):
-        """Statement by statement or all at once: the same code (the short cut never sees else, blocks or while)."""
-        flat = [s for s in block if s[0] == "do" or (s[0] == "if" and s[3] is None and len(s[2]) == 1)]
-        flat = [s for s in flat if s[0] == "do" or s[2][0][0] == "do"] or [("do", "up()")]
-        text = "\n".join(s[1] if s[0] == "do" else f"if({spell_condition(s[1])}) {s[2][0][1]}" for s in flat)
-        wrapped = parse(f"{{ {text} }}", words)  # a block is never taken for a plain list
-        assert np.array_equal(parse(text, words).code, wrapped.code)
+    def test_the_short_cut_by_pieces_changes_nothing(self, words, block):
+        """A remark is never taken for a piece, so that the parser gets the whole text."""
+        text = spell(block, "\n")
+        assert np.array_equal(parse(text, words).code, parse(f"{text} # the end", words).code)
+
+    def test_the_short_cut_is_taken_for_what_evolution_writes(self, words):
+        text = 'loop while(x() < 3) right() if(not 3 == "good" and (x() < 2 or y() < 3)) { up() } else { down() }'
+        assert pieces.short(text, words, lambda piece: parse(f"{piece} #", words).code.tobytes()) is not None
 
     @pytest.mark.parametrize(
         ("text", "shown", "length"),

@@ -9,6 +9,7 @@ import numpy as np
 
 from harness.errors import PolicyError, quoted
 from harness.program.compiled import Program
+from harness.program.pieces import SIMPLE, TEST, short
 from harness.program.words import (
     ACT,
     AGAIN,
@@ -29,19 +30,14 @@ from harness.program.words import (
 MAX_NESTING = 50
 """Blocks and parentheses inside one another; the interpreter keeps pending truth values in the bits of one integer."""
 
-_TEST = rf"(?:{CALL}|\d+)\s*(?:==|<|>)\s*(?:\d+(?:\.\d+)?|\"[^\"\n]*\"|'[^'\n]*'|[A-Za-z_]\w*)"
-_SIMPLE = rf"(?:if\s*\(\s*{_TEST}\s*\)\s*)?{CALL}(?!\s*(?:==|<|>|else\b))"
 _TOKEN = re.compile(
-    rf"(?P<blank>\s+|#[^\n]*)|(?P<simple>{_SIMPLE})|(?P<atom>{_TEST}|{CALL}|\d+)|(?P<mark>[(){{}}])"
+    rf"(?P<blank>\s+|#[^\n]*)|(?P<simple>{SIMPLE})|(?P<atom>{TEST}|{CALL}|\d+)|(?P<mark>[(){{}}])"
     r"|(?P<word>[A-Za-z_][\w-]*)"
 )
 """A whole operation, guarded by one test at most (``simple``), is one token: most programs are a list of these."""
-_STATEMENT = re.compile(rf"\s*{_SIMPLE}")
-_STATEMENTS = re.compile(rf"{_STATEMENT.pattern}|\s*\S[\s\S]*")
-"""What is no such statement is taken with all after it, so that no place of it is looked at twice."""
 _HEAD = re.compile(r"#[^\n]*|\bagent\(\s*(?P<number>\d{1,9})\s*\)\s*:")
 """Where an agent's section begins; or a comment, which says nothing."""
-_PARTS = re.compile(rf"(?:if\s*\(\s*(?P<test>{_TEST})\s*\)\s*)?(?P<action>{CALL})")
+_PARTS = re.compile(SIMPLE)
 
 
 class ProgramError(PolicyError):
@@ -73,10 +69,13 @@ def parse(text: str, words: Words, *, loop: bool = False, source: str = "program
     """
     if words.agents and (heads := [match for match in _HEAD.finditer(text) if match["number"]]):
         return _sections(text, heads, words, loop, source)
-    pieces = _statements(text, words, source)
+    try:
+        pieces = short(text, words, lambda piece: _Parser(piece, words, source).program(False).code.tobytes())
+    except ProgramError:
+        pieces = None  # the whole text again, for the place of the error
     if pieces is None:
         return _Parser(text, words, source).program(loop)
-    return Program(words, np.frombuffer(b"".join(pieces), INSTRUCTION), loop)
+    return Program(words, np.frombuffer(pieces.code, INSTRUCTION), loop or pieces.loop)
 
 
 def constant_spans(text: str, words: Words) -> list[tuple[int, int]]:
@@ -115,24 +114,6 @@ def _section(text: str, start: int, end: int, words: Words, loop: bool, source: 
         return parse(text[start:end], words, loop=loop)
     except ProgramError:  # once more with blanks in place of what comes before: for the line and the column
         return parse(re.sub(r"[^\n]", " ", text[:start]) + text[start:end], words, loop=loop, source=source)
-
-
-def _statements(text: str, words: Words, source: str) -> list[bytes] | None:
-    """The short cut for a plain list of simple statements that have been met before, or can be parsed by themselves."""
-    found = _STATEMENTS.findall(text.rstrip())
-    if not found or _STATEMENT.fullmatch(found[-1]) is None:
-        return None
-    try:
-        return [words.statements[statement] for statement in found]
-    except KeyError:
-        pass
-    try:
-        for statement in found:
-            if statement not in words.statements:
-                words.statements[statement] = _Parser(statement, words, source).program(False).code.tobytes()
-    except ProgramError:
-        return None  # the whole text again, for the place of the error
-    return [words.statements[statement] for statement in found]
 
 
 class _Gap(NamedTuple):
@@ -209,7 +190,7 @@ class _Parser:
             packed = self.meaning(parts["action"], token.start + parts.start("action"), want_action=True)
             if parts["test"] is not None:
                 test = self.meaning(parts["test"], token.start + parts.start("test"), want_action=False)
-                packed = test + instruction(IF, jump=1) + packed
+                packed = test + _BEHIND[parts["guard"]](packed)
             self.words.statements[token.text] = packed
         self.emit(packed)
 
@@ -334,5 +315,10 @@ class _Parser:
         self.fail(token.start, f"{what} is expected here, not {found}{hint}")
 
 
+_BEHIND = {
+    "if": lambda action: instruction(IF, jump=1) + action,
+    "while": lambda action: instruction(WHILE, jump=2) + action + instruction(AGAIN, jump=-4),
+}
+"""What follows a single test, and guards an operation."""
 _ACT_BYTES, _BELIEF_BYTES = instruction(ACT)[:2], instruction(BELIEF)[:2]
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
