@@ -18,7 +18,9 @@ from harness.ge import grammar as bnf
 from harness.ge import tour
 from harness.ge.defaults import grammar_for
 from harness.ge.edits import Editor
+from harness.ge.homing import home
 from harness.ge.initialisation import GROW, tree
+from harness.ge.lexicon import Lexicon
 from harness.ge.local_search import LocalSearch
 from harness.ge.loop import Evaluated
 from harness.ge.mapping import derive
@@ -28,6 +30,7 @@ from harness.ge.parameters import Parameters
 from harness.ge.presets import PRESETS, preset
 from harness.ge.statements import listings, put, shapes
 from harness.ge.tour import Stop
+from harness.ge.visits import Visits
 from harness.ge.vocabulary import Vocabulary
 from harness.play import population
 from harness.play.evaluation import evaluate
@@ -186,6 +189,93 @@ class TestTours:
         assert met == pytest.approx({"nowhere": 0, "paying": 500})
 
 
+class TestVisits:
+    @pytest.mark.parametrize(
+        ("text", "place"),
+        [
+            ("while(x() < 3) right() while(x() > 3) left() while(y() < 2) up() while(y() > 2) down()", (3, 2)),
+            ("while(x() > 1) left() while(y() < 7) up()", (1, 7)),
+            ("if(at(4,4)) up() while(x() > 1) left() while(y() > 1) down()", (1, 1)),
+            ("while(x() < 3) right() while(x() > 3) left()", None),  # of any row
+            ("while(x() < 8) right()", None),  # the episode ends
+            ("right() while(x() > 1) left() while(y() > 1) down()", None),  # from (7,1) it does too
+            ('while(x() > 1) left() while(y() > 1) down() if(3 == "bad") up()', None),  # who knows
+            ("while(x() > 1) left() while(y() > 1) down() check(3)", None),  # more than a way
+        ],
+    )
+    def test_the_statements_that_lead_to_one_place_from_anywhere(self, rocksample, text, place):
+        moves = Moves(rocksample)
+        found = home(parse(text, words_of(rocksample)), moves, moves.reached(int(moves.starts[0])))
+        assert (None if found < 0 else tuple(rocksample.visible_values[found].tolist())) == place
+
+    def test_every_cell_has_one_in_the_grammar_with_feedback(self, rocksample):
+        visits, shape = self.made(rocksample)
+        cells = [tuple(rocksample.visible_values[place].tolist()) for place in visits.homing(shape).ways]
+        assert sorted(cells) == sorted(itertools.product(range(1, 8), repeat=2))
+
+    def test_a_look_at_a_rock_is_among_the_visits(self, rocksample):
+        """Leaving earns 10; going to a rock first, to sample it if it is good, 5 more at most (SPEC, section 1)."""
+        visits, shape = self.made(rocksample)
+        generator, words = np.random.default_rng(2), words_of(rocksample)
+        texts = {
+            " ".join(
+                derive(visits.lexicon.grammar, item, start=shape.item).phenotype
+                for item in visits.visit(shape, generator)
+            )
+            for _ in range(300)
+        }
+        programs = [parse(f"{text} while(x() < 8) right()", words) for text in texts]
+        returns = expected(rocksample, programs, 50, 1000).returns
+        assert 14.9 < returns.max() <= 15 + 1e-9
+
+    def test_a_visit_made_anew_leads_to_the_same_place(self, rocksample):
+        visits, shape = self.made(rocksample)
+        generator, changed = np.random.default_rng(3), 0
+
+        def text(items):
+            return " ".join(derive(visits.lexicon.grammar, item, start=shape.item).phenotype for item in items)
+
+        ways = {text([way]) for way in visits.homing(shape).ways.values()}
+        for _ in range(100):
+            visit = visits.visit(shape, generator)
+            new = visits.anew(shape, visit, generator)
+            found = {way for way in ways if way in text(visit)}
+            if len(found) == 1:  # a condition's other block may lead elsewhere
+                assert found.pop() in text(new)
+                changed += text(new) != text(visit)
+        assert changed > 20
+
+    def test_lists_are_taken_apart_between_visits(self, rocksample):
+        visits, shape = self.made(rocksample)
+        way, look = next(iter(visits.homing(shape).ways.values())), visits.lexicon.frames(shape)[0]
+        check = next(iter(visits.lexicon.vocabulary(shape).plain.values()))
+        items = [look, way, check, look, look, check, way, look]
+        parts = visits.parts(shape, items)
+        assert [len(part) for part in parts] == [1, 4, 3]
+        assert [id(item) for part in parts for item in part] == [id(item) for item in items]
+
+    def made(self, domain):
+        grammar = grammar_for(domain, "rocksample-feedback")
+        lexicon = Lexicon(grammar, words_of(domain), 1000)
+        return Visits(lexicon, Moves(domain), paying=True), next(iter(lexicon.shapes.values()))
+
+
+def test_the_end_of_a_block_moves_and_nothing_else(rocksample):
+    grammar = grammar_for(rocksample, "rocksample-feedback")
+    editor, generator, moved = Editor(grammar, rocksample, Parameters()), np.random.default_rng(0), 0
+    for a in some(grammar, 60):
+        listing = listings(shapes(grammar), a)[0]
+        items = editor._stretched(listing, generator)
+        before, after = (derive(grammar, put(a.codons, listing, each)).phenotype for each in (listing.items, items))
+        moved += before != after
+        without = str.maketrans("", "", "{} ")
+        assert sorted(before) == sorted(after)
+        if "else" not in before:  # of what stands before an else, the end goes behind all of it
+            assert before.translate(without) == after.translate(without)
+        parse(after, words_of(rocksample))
+    assert moved > 5
+
+
 def letters(texts, generation):
     """More a's are better; every evaluation costs one."""
     fitness = np.array([text.count("a") - 2 * text.count("b") for text in texts], dtype=float)
@@ -216,7 +306,7 @@ class TestLocalSearch:
 
 class TestRuns:
     def test_best_goes_on_bit_for_bit_after_an_interruption(self, tmp_path):
-        options = {**SMALL, "seed": 5, "preset": "best", "fitness": "sampled"}
+        options = {**SMALL, "seed": 5, "preset": "best"}
         whole = harness.evolve("rocksample-7x8", out=tmp_path / "whole", **options)
         harness.evolve("rocksample-7x8", out=tmp_path / "part", **{**options, "generations": 2})
         for name in ("best.json", "finalists.csv"):
@@ -233,8 +323,8 @@ class TestRuns:
         assert found.best.program.length <= 14  # 12 is the least; the paper's parameters seldom cross at all
 
     def test_presets_come_before_what_is_given(self):
-        found = harness.evolve("rocksample-7x8", preset="best", **{**SMALL, "generations": 0, "tournament": 3})
-        assert (found.parameters.tournament, found.parameters.mutation) == (3, "edits")
+        found = harness.evolve("rocksample-7x8", preset="best", **{**SMALL, "generations": 0, "elites": 3})
+        assert (found.parameters.elites, found.parameters.mutation) == (3, "edits")
         assert Parameters(**preset("paper")) == Parameters()
 
     def test_an_unknown_preset_is_named(self):
@@ -274,7 +364,7 @@ class TestDiscounted:
     def test_an_evolution_selects_by_it(self, fitness):
         found = harness.evolve("rocksample-7x8", preset="best", **SMALL, fitness=fitness, objective="discounted")
         exact = harness.exact("rocksample-7x8", found.best.policy).discounted.middle
-        assert found.best.validation == pytest.approx(exact - 0.001 * found.best.program.length, abs=2)
+        assert found.best.validation == pytest.approx(exact, abs=2)
         assert found.history["test"].iloc[-1] == pytest.approx(exact, abs=2)
         assert exact < 0.8 * found.best.score.mean  # so neither is the undiscounted return
 

@@ -3,12 +3,14 @@
 Statements are inserted, deleted, replaced, swapped and shifted wherever the grammar lists them
 (:mod:`harness.ge.statements`). With ``walks`` a script is also edited as a tour (:mod:`harness.ge.tour`): a stop is put
 in, taken out or put elsewhere, some are visited in reverse order (the 2-opt move of tours, Croes 1958), a way is made
-the shortest. What comes after an edit then happens where it did before. Nothing of a domain is known here but its
-tables, where its moves lead and what pays; so a search with walks is no longer one of a black box.
+the shortest. What comes after an edit then happens where it did before. Where a grammar has statements that lead to a
+place from anywhere (:mod:`harness.ge.homing`), whole visits are put in instead. Nothing of a domain is known here but
+its tables, where its moves lead and what pays; so a search with walks is no longer one of a black box.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
@@ -16,27 +18,27 @@ import numpy as np
 
 from harness.ge import tour
 from harness.ge.grammar import Grammar
+from harness.ge.lexicon import Lexicon
 from harness.ge.mapping import Codons, derive
-from harness.ge.moves import Moves, Pay
+from harness.ge.moves import Moves
 from harness.ge.operators import Parent, fresh, replaced
 from harness.ge.parameters import NOWHERE, PAYING, Parameters
-from harness.ge.statements import Listing, Shape, listings, put, shapes
+from harness.ge.statements import Listing, put
 from harness.ge.tour import Stop
-from harness.ge.vocabulary import Vocabulary
+from harness.ge.visits import Rng, Visits, one
 from harness.model.domain import Domain
 from harness.program import words_of
 
 _T = TypeVar("_T")
-Rng = np.random.Generator
 
-_TOURS = 0.5
-"""Share of the edits that are edits of a tour, where there are walks."""
-_PAYING = 0.75
-"""Of the stops put in with ``paying``: share of those where something pays; the others lead anywhere."""
-_GUARDED, _INFORMED = 0.75, 0.75
-"""Share of the stops whose act stands behind a condition; of these, share that first make the reading asked for."""
+_TRAVELS = 0.5
+"""Share of the edits that are of where a program goes, where there are walks."""
+_INFORMED = 0.75
+"""Of the blocks put behind a condition: share that first make the reading asked for."""
 _TAKEN = (0.0, 0.5, 1.0)
 """Share of the guarded moves that a reading of a tour takes for executed: any, as nothing plays the script."""
+_STRETCHED = 0.5
+"""Share of the blocks whose end is put elsewhere that take in what follows."""
 _RUN = 0.5
 """Probability that a run of statements or stops that is edited together has one more."""
 
@@ -46,12 +48,9 @@ class Editor:
 
     def __init__(self, grammar: Grammar, domain: Domain, p: Parameters) -> None:
         """``domain``: whose words and tables count."""
-        self.grammar, self.words, self.codon_size = grammar, words_of(domain), p.codon_size
-        self.paying = p.walks == PAYING
-        self.moves = None if p.walks == NOWHERE else Moves(domain)
-        self._shapes = shapes(grammar)
-        self._vocabularies: dict[int, Vocabulary] = {}
-        self._frames: dict[int, list[Codons]] = {}
+        self.grammar, self.codon_size = grammar, p.codon_size
+        self._lexicon = Lexicon(grammar, words_of(domain), p.codon_size)
+        self._visits = None if p.walks == NOWHERE else Visits(self._lexicon, Moves(domain), p.walks == PAYING)
 
     def mutate(self, grammar: Grammar, a: Parent, probability: float, codon_size: int, rng: Rng) -> Codons:
         """As a mutation (:data:`harness.ge.loop.Mutate`), of the grammar and codon size that it was made for."""
@@ -66,27 +65,23 @@ class Editor:
 
     def edited(self, a: Parent, rng: Rng) -> Codons:
         """One edit; where a grammar has no list, a new subtree."""
-        lists = listings(self._shapes, a)
+        lists = self._lexicon.listings(a)
         if not lists:
             return replaced(self.grammar, a, self.codon_size, rng)
-        whole = lists[0].end == a.used
-        if self.moves is not None and whole and rng.random() < _TOURS:
-            items = self._tour(self.moves, lists[0], rng)
-            codons = put(a.codons, lists[0], items) if items else a.codons
+        if self._visits is not None and rng.random() < _TRAVELS:
+            codons = _travelled(self._visits, a, lists, rng)
             if not np.array_equal(codons, a.codons):  # as where a grammar has no statements that are moves
                 return codons
-        return self._statements(a, lists, rng)
+        return self._statements(a, _listing(lists, rng), rng)
 
-    def _statements(self, a: Parent, lists: Sequence[Listing], rng: Rng) -> Codons:
-        sizes = np.cumsum([len(each.items) for each in lists])
-        listing = lists[int(np.searchsorted(sizes, rng.integers(sizes[-1]), side="right"))]
+    def _statements(self, a: Parent, listing: Listing, rng: Rng) -> Codons:
+        of_blocks = (self._wrapped, self._unwrapped, self._stretched) if self._lexicon.frames(listing.shape) else ()
         simple = len(_STATEMENT_EDITS)
-        kind = int(rng.integers(simple + (3 if self._with_blocks(listing.shape) else 1)))
+        kind = int(rng.integers(simple + 1 + len(of_blocks)))
         if kind == simple:
             return replaced(self.grammar, a, self.codon_size, rng)
         if kind > simple:
-            edit = self._wrapped if kind == simple + 1 else self._unwrapped
-            return put(a.codons, listing, edit(listing, rng))
+            return put(a.codons, listing, of_blocks[kind - simple - 1](listing, rng))
 
         def make() -> Codons:
             return fresh(self.grammar, listing.shape.item, self.codon_size, rng)
@@ -95,84 +90,77 @@ class Editor:
 
     def _wrapped(self, listing: Listing, rng: Rng) -> Sequence[Codons]:
         """A run of statements becomes the block of a compound one, after a reading that its condition asks for."""
-        vocabulary = self._vocabulary(listing.shape.item)
+        lexicon, shape = self._lexicon, listing.shape
         begin, end = _run(len(listing.items), rng)
-        frame = _one(self._with_blocks(listing.shape), rng)
-        block = put(frame, _one(self._blocks(listing.shape, frame), rng), listing.items[begin:end])
-        asked = vocabulary.meaning(frame).registers
-        telling = [codons for action, codons in vocabulary.plain.items() if self.words.register[action] in asked]
-        first = [_one(telling, rng)] if telling and rng.random() < _INFORMED else []
+        frame = one(lexicon.frames(shape), rng)
+        block = put(frame, one(lexicon.blocks(shape, frame), rng), listing.items[begin:end])
+        telling = lexicon.telling(shape, lexicon.vocabulary(shape).meaning(frame).registers)
+        first = [one(telling, rng)] if telling and rng.random() < _INFORMED else []
         return [*listing.items[:begin], *first, block, *listing.items[end:]]
 
     def _unwrapped(self, listing: Listing, rng: Rng) -> Sequence[Codons]:
         """The statements of a block take the place of the statement that it is in."""
         at = int(rng.integers(len(listing.items)))
-        blocks = self._blocks(listing.shape, listing.items[at])
-        inner = _one(blocks, rng).items if blocks else listing.items[at : at + 1]
+        blocks = self._lexicon.blocks(listing.shape, listing.items[at])
+        inner = one(blocks, rng).items if blocks else listing.items[at : at + 1]
         return [*listing.items[:at], *inner, *listing.items[at + 1 :]]
 
-    def _with_blocks(self, shape: Shape) -> list[Codons]:
-        """The statements of the vocabulary that have a block for others of their kind."""
-        if shape.rule not in self._frames:
-            compound = self._vocabulary(shape.item).compound
-            self._frames[shape.rule] = [item for item in compound if self._blocks(shape, item)]
-        return self._frames[shape.rule]
-
-    def _blocks(self, shape: Shape, item: Codons) -> list[Listing]:
-        """Lists of the same rule within a statement."""
-        within = listings(self._shapes, Parent(item, derive(self.grammar, item, start=shape.item)))
-        return [each for each in within if each.shape == shape]
-
-    def _tour(self, moves: Moves, listing: Listing, rng: Rng) -> list[Codons] | None:
-        """The list's statements after an edit of its tour; None or empty where that cannot be."""
-        vocabulary = self._vocabulary(listing.shape.item)
-        start = _one(moves.starts, rng)
-        often = _one(_TAKEN, rng)
-        stops = tour.read(listing.items, start, moves, vocabulary, lambda: bool(rng.random() < often))
-        kind = int(rng.integers(2 * len(_TOUR_EDITS)))
-        if kind < len(_TOUR_EDITS):
-            return tour.written(_TOUR_EDITS[kind](stops, rng), start, moves, vocabulary)
-        at = int(rng.integers(len(stops) + 1))
-        stop = self._stop(moves, vocabulary, stops[at - 1].place if at else start, rng)
-        return None if stop is None else tour.written(tour.inserted(stops, at, [stop]), start, moves, vocabulary)
-
-    def _vocabulary(self, rule: int) -> Vocabulary:
-        if rule not in self._vocabularies:
-            self._vocabularies[rule] = Vocabulary(self.grammar, self.words, rule, self.codon_size)
-        return self._vocabularies[rule]
-
-    def _stop(self, moves: Moves, vocabulary: Vocabulary, origin: int, rng: Rng) -> Stop | None:
-        """A new stop that can be reached, and what is done there."""
-        if self.paying and moves.pays and rng.random() < _PAYING:
-            place, action = _one(moves.pays, rng)
-        else:
-            place = _one(moves.reached(origin), rng)
-            staying = np.flatnonzero(moves.leads[place] == place).tolist()
-            if not staying:
-                return None
-            action = _one(staying, rng)
-        acts = self._acts(moves, vocabulary, Pay(place, action), rng)
-        return Stop(place, None, acts) if acts else None
-
-    def _acts(self, moves: Moves, vocabulary: Vocabulary, what: Pay, rng: Rng) -> tuple[Codons, ...]:
-        """Statements that end in an action: behind a condition perhaps, and after a reading that tells of it."""
-        guarded = vocabulary.guarded.get(what.action, [])
-        if not guarded or rng.random() >= _GUARDED:
-            plain = vocabulary.plain.get(what.action)
-            return () if plain is None else (plain,)
-        act = _one(guarded, rng)
-        asked = vocabulary.meaning(act)
-        telling = [
-            codons
-            for action, codons in vocabulary.plain.items()
-            if moves.leads[what.place, action] == what.place
-            and (self.words.register[action] in asked.registers or moves.factor[what.place, action] in asked.factors)
-        ]
-        return (_one(telling, rng), act) if telling and rng.random() < _INFORMED else (act,)
+    def _stretched(self, listing: Listing, rng: Rng) -> Sequence[Codons]:
+        """The end of a block is put elsewhere: it takes in some of what follows, or leaves out its last statements."""
+        at = int(rng.integers(len(listing.items)))
+        before, item, after = listing.items[:at], listing.items[at], listing.items[at + 1 :]
+        blocks = self._lexicon.blocks(listing.shape, item)
+        if not blocks:
+            return listing.items
+        block = one(blocks, rng)
+        inner, count = block.items, int(rng.geometric(1 - _RUN))
+        if rng.random() < _STRETCHED:
+            return [*before, put(item, block, [*inner, *after[:count]]), *after[count:]]
+        left = inner[: max(len(inner) - count, 1)]
+        return [*before, put(item, block, left), *inner[len(left) :], *after]
 
 
-def _one(of: Sequence[_T], rng: Rng) -> _T:
-    return of[int(rng.integers(len(of)))]
+def _listing(lists: Sequence[Listing], rng: Rng) -> Listing:
+    """One of some lists, the likelier the more items it has."""
+    sizes = np.cumsum([len(each.items) for each in lists])
+    return lists[int(np.searchsorted(sizes, rng.integers(sizes[-1]), side="right"))]
+
+
+def _travelled(visits: Visits, a: Parent, lists: Sequence[Listing], rng: Rng) -> Codons:
+    """An edit of where the program goes: of its visits, where statements find their way from anywhere; otherwise the
+    script is changed as a tour."""
+    listing = _listing(lists, rng)
+    if visits.homing(listing.shape).ways:
+        return put(a.codons, listing, list(itertools.chain(*_visited(visits, listing, rng))))
+    script = _toured(visits, lists[0], rng) if lists[0].end == a.used else None
+    return put(a.codons, lists[0], script) if script else a.codons
+
+
+def _visited(visits: Visits, listing: Listing, rng: Rng) -> list[tuple[Codons, ...]]:
+    """The statements of a list, visit by visit, with one more visit, another way to make one, or in another order."""
+    parts = visits.parts(listing.shape, listing.items)
+
+    def make() -> tuple[Codons, ...]:
+        return tuple(visits.visit(listing.shape, rng))
+
+    kind = int(rng.integers(3))
+    if kind == 1:
+        at = int(rng.integers(len(parts)))
+        return [*parts[:at], tuple(visits.anew(listing.shape, parts[at], rng)), *parts[at + 1 :]]
+    return one(_VISIT_EDITS, rng)(parts, make, rng) if kind else _insert(parts, make, rng)
+
+
+def _toured(visits: Visits, listing: Listing, rng: Rng) -> list[Codons] | None:
+    """A script after an edit of its tour; None or empty where that cannot be."""
+    moves, vocabulary = visits.moves, visits.lexicon.vocabulary(listing.shape)
+    start, often = one(moves.starts, rng), one(_TAKEN, rng)
+    stops = tour.read(listing.items, start, moves, vocabulary, lambda: bool(rng.random() < often))
+    kind = int(rng.integers(2 * len(_TOUR_EDITS)))
+    if kind < len(_TOUR_EDITS):
+        return tour.written(_TOUR_EDITS[kind](stops, rng), start, moves, vocabulary)
+    at = int(rng.integers(len(stops) + 1))
+    stop = visits.stop(listing.shape, stops[at - 1].place if at else start, rng)
+    return None if stop is None else tour.written(tour.inserted(stops, at, [stop]), start, moves, vocabulary)
 
 
 def _run(count: int, rng: Rng) -> tuple[int, int]:
@@ -181,49 +169,56 @@ def _run(count: int, rng: Rng) -> tuple[int, int]:
     return begin, min(begin + int(rng.geometric(1 - _RUN)), count)
 
 
-Make = Callable[[], Codons]
+Make = Callable[[], _T]
+"""What makes something new to be put in: a statement, or a visit."""
 
 
-def _insert(items: list[Codons], make: Make, rng: Rng) -> list[Codons]:
+def _insert(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
     at = int(rng.integers(len(items) + 1))
     return [*items[:at], make(), *items[at:]]
 
 
-def _copy(items: list[Codons], make: Make, rng: Rng) -> list[Codons]:
+def _copy(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
     (begin, end), at = _run(len(items), rng), int(rng.integers(len(items) + 1))
     return [*items[:at], *items[begin:end], *items[at:]]
 
 
-def _delete(items: list[Codons], make: Make, rng: Rng) -> list[Codons]:
+def _delete(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
     begin, end = _run(len(items), rng)
     return [*items[:begin], *items[end:]] if end - begin < len(items) else items
 
 
-def _delete_two(items: list[Codons], make: Make, rng: Rng) -> list[Codons]:
+def _delete_two(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
     """Such as two moves that undo each other."""
     gone = rng.choice(len(items), 2, replace=False) if len(items) > 2 else ()
     return [item for i, item in enumerate(items) if i not in gone]
 
 
-def _replace(items: list[Codons], make: Make, rng: Rng) -> list[Codons]:
+def _replace(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
     at = int(rng.integers(len(items)))
     return [*items[:at], make(), *items[at + 1 :]]
 
 
-def _swap(items: list[Codons], make: Make, rng: Rng) -> list[Codons]:
+def _swap(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
     i, j = (int(k) for k in rng.integers(len(items), size=2))
     items[i], items[j] = items[j], items[i]
     return items
 
 
-def _shift(items: list[Codons], make: Make, rng: Rng) -> list[Codons]:
+def _shift(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
     begin, end = _run(len(items), rng)
     rest = [*items[:begin], *items[end:]]
     at = int(rng.integers(len(rest) + 1))
     return [*rest[:at], *items[begin:end], *rest[at:]]
 
 
+def _reverse(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
+    begin, end = sorted(int(k) for k in rng.integers(len(items) + 1, size=2))
+    return [*items[:begin], *items[begin:end][::-1], *items[end:]]
+
+
 _STATEMENT_EDITS = (_insert, _copy, _delete, _delete_two, _replace, _swap, _shift)
+_VISIT_EDITS = (_delete, _swap, _shift, _reverse)
 
 
 def _drop_stops(stops: list[Stop], rng: Rng) -> list[Stop]:

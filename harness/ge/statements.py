@@ -59,9 +59,9 @@ def listings(known: dict[int, Shape], a: Parent) -> list[Listing]:
     if not a.has_tree:
         return []
     nodes, found, taken = a.derivation.nodes, [], set[int]()
-    for n in np.flatnonzero(np.isin(nodes[:, 0], list(known))).tolist():
-        if n not in taken:
-            shape = known[int(nodes[n, 0])]
+    for n, rule in enumerate(nodes[:, 0].tolist()):
+        if rule in known and n not in taken:
+            shape = known[rule]
             chain = _chain(nodes, a.codons, shape, n)
             taken.update(chain)
             found.append(Listing(shape, int(nodes[n, 1]), int(nodes[n, 2]), _items(nodes, a.codons, shape, chain)))

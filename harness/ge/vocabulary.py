@@ -28,6 +28,8 @@ class Meaning(NamedTuple):
     """Readings that its condition asks for."""
     factors: frozenset[int]
     """Hidden factors whose belief it asks for."""
+    does: frozenset[int] = frozenset()
+    """All actions in it."""
 
     @property
     def plain(self) -> int:
@@ -73,21 +75,24 @@ class Vocabulary:
         key = codons.tobytes()
         if key not in self._known:
             try:
-                text = derive(self.grammar, codons, start=self.rule).phenotype or ""
-                self._known[key] = _meaning(parse(text, self.words))
+                self._known[key] = _meaning(self.program(codons))
             except ProgramError:  # a part of a statement
                 self._known[key] = _OTHER
         return self._known[key]
+
+    def program(self, codons: Codons) -> Program:
+        """A statement as a program of its own.
+
+        Raises:
+            ProgramError: it is a part of a statement only.
+        """
+        return parse(derive(self.grammar, codons, start=self.rule).phenotype or "", self.words)
 
 
 def _meaning(program: Program) -> Meaning:
     op, arg = program.code["op"], program.code["arg"]
     factor_of = program.words.domain.factor_of
-    asked = (
-        frozenset(arg[op == REGISTER].tolist()),
-        frozenset(factor_of[arg[op == BELIEF]].tolist()),
-    )
+    registers, factors = frozenset(arg[op == REGISTER].tolist()), frozenset(factor_of[arg[op == BELIEF]].tolist())
     simple = op[-1] == ACT and (len(op) == 1 or (op[-2] == IF and (op == ACT).sum() == 1))
-    if not simple:
-        return Meaning(-1, True, *asked)
-    return Meaning(int(arg[-1]), len(op) > 1, *asked)
+    action, guarded = (int(arg[-1]), len(op) > 1) if simple else (-1, True)
+    return Meaning(action, guarded, registers, factors, frozenset(arg[op == ACT].tolist()))
