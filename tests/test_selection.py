@@ -293,13 +293,29 @@ class TestRuns:
         np.testing.assert_allclose(found.descriptors[0], [8 / 50, 0, 7 / 50])  # seven cells and the end
         assert found.descriptors[2][1] == pytest.approx(1 / 50)
 
+    @pytest.mark.parametrize("fitness", ["exact", "auto"])
+    def test_parents_are_chosen_by_episodes_where_the_fitness_is_what_is_expected(self, rocksample, fitness):
+        """A look at rock 3 from the way, and 10 more where it is good; the rest is the way out (SPEC, section 1)."""
+        from harness.ge.fitness import ProgramFitness
+
+        parameters = Parameters(episodes=400, selection="lexicase", fitness=fitness, penalty=0)
+        judge = ProgramFitness(rocksample, parameters, "tables", 1)
+        texts = ["right() " * 7, 'check(3) if(3 == "good") up() ' + "right() " * 7]
+        found, alone = judge(texts, 1), judge.alone(texts, 1)
+        assert found.fitness.tolist() == alone.fitness.tolist() == [10, 10]
+        assert found.cases.shape == (2, 400)
+        assert alone.cases is None
+        assert (found.cases == 10).all()
+        assert found.cost > alone.cost
+        looking = judge(["right() " * 3 + "down() down() sample() " + "right() " * 4], 1)
+        assert looking.fitness[0] == pytest.approx(10)  # a rock is as often bad as good
+        assert set(looking.cases[0].tolist()) == {0, 20}
+
 
 class TestMisuse:
     @pytest.mark.parametrize(
         ("parameters", "words"),
         [
-            ({"selection": "lexicase", "fitness": "exact"}, "goes by single episodes, which fitness exact does not"),
-            ({"selection": "map-elites", "fitness": "auto"}, "take fitness sampled, or selection tournament"),
             ({"selection": "lexicas"}, "did you mean 'lexicase'"),
             ({"replacement": "steady-state", "islands": 2}, "take replacement generational"),
             ({"replacement": "steady-state", "selection": "novelty"}, "take replacement generational"),

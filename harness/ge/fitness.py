@@ -30,8 +30,10 @@ _MOST_CHECKED = 1_000_000  # characters parsed, and rules derived, to see whethe
 _MOST_AROUND = 16_000_000  # characters kept of what stands around the rules
 
 
-ROOM, ROOM_OF_AUTO = 100_000, 2_000
+ROOM = 100_000
 """Situations of one step that a program's exact return may take (:func:`harness.expectation.programs.expected`)."""
+_AUTO = 2
+"""With ``auto``, situations of one step for each episode of a generation: about what playing would take."""
 
 
 class Judged(NamedTuple):
@@ -70,16 +72,27 @@ class ProgramFitness:
 
     def __call__(self, phenotypes: Sequence[str], generation: int) -> Evaluated:
         """Fitness on the episodes of a generation; −inf for a program that is nested too deep to be compiled."""
+        return self._evaluated(phenotypes, generation, self.parameters.breeds_by_play)
+
+    def alone(self, phenotypes: Sequence[str], generation: int) -> Evaluated:
+        """The same without what only breeding needs: for programs that do not breed yet."""
+        return self._evaluated(phenotypes, generation, False)
+
+    def _evaluated(self, phenotypes: Sequence[str], generation: int, also_played: bool) -> Evaluated:
         p = self.parameters
         compiled = [self._compiled(text) for text in phenotypes]
         programs = [program for program in compiled if program is not None]
         self._known = {text: program for text, program in zip(phenotypes, compiled, strict=True) if program is not None}
         judged = self.judge(programs, generation * p.episodes, p.episodes)
+        if also_played:
+            played = self._judged(self.play(programs, generation * p.episodes, p.episodes))
+            judged = played._replace(means=judged.means, cost=judged.cost + played.cost)
         if self.hall:
             self.hall.see(generation, programs, judged.means)
         known = np.array([program is not None for program in compiled], dtype=np.bool_)
         at = np.where(known, np.cumsum(known) - 1, -1)
-        returns = np.reshape(judged.returns, (len(programs), p.episodes)) if p.uses_cases else None
+        cased = p.uses_cases and (also_played or p.fitness == SAMPLED)
+        returns = np.reshape(judged.returns, (len(programs), p.episodes)) if cased else None
         return Evaluated(
             rows_of(self.penalized(programs, judged.means), at),
             judged.behaviours,
@@ -108,7 +121,8 @@ class ProgramFitness:
     def _exactly(self, programs: Sequence[Program], first: int, count: int) -> Judged:
         """Exact returns; with too many situations, what episodes say (``auto``), or the least that is sure."""
         auto, horizon = self.parameters.fitness == AUTO, self.parameters.horizon
-        found = expected(self.domain, programs, horizon, ROOM_OF_AUTO if auto else ROOM, self.workers, self.discount)
+        room = _AUTO * self.parameters.episodes if auto else ROOM
+        found = expected(self.domain, programs, horizon, room, self.workers, self.discount)
         means, cost = found.returns, int(found.situations.sum())
         returns = [means[i : i + 1] for i in range(len(means))]
         wide = np.flatnonzero(np.isnan(means)).tolist()

@@ -31,7 +31,8 @@ class Evaluated(NamedTuple):
     cost: int
     """What the evaluation cost, such as environment steps."""
     cases: NDArray[np.float64] | None = None
-    """(phenotypes, E) fitness in each of E cases, whose mean is the fitness; needed where breeding goes by cases."""
+    """(phenotypes, E) fitness in each of E cases, of which the fitness is the mean, or what is expected of it; needed
+    where breeding goes by cases."""
     descriptors: NDArray[np.float64] | None = None
     """(phenotypes, D) behaviour, every number from 0 to 1; needed where breeding goes by behaviour."""
 

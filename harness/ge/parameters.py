@@ -112,14 +112,14 @@ class Parameters:
     @property
     def uses_cases(self) -> bool:
         """Whether breeding needs the fitness in each episode."""
-        return self.fitness == SAMPLED and (self.selection == LEXICASE or self.distinct)
+        return self.selection == LEXICASE or (self.distinct and self.fitness == SAMPLED)
+
+    @property
+    def breeds_by_play(self) -> bool:
+        """Whether breeding needs more of what became of a generation's episodes than the fitness does."""
+        return self.selection != TOURNAMENT and self.fitness != SAMPLED
 
     def _check_structure(self) -> None:
-        if self.selection != TOURNAMENT and self.fitness != SAMPLED:
-            raise HarnessError(
-                f"selection {self.selection} goes by single episodes, which fitness {self.fitness} does not play; "
-                f"take fitness {SAMPLED}, or selection {TOURNAMENT}"
-            )
         groups = max(self.islands, self.layers)
         if self.replacement != GENERATIONAL and (self.selection != TOURNAMENT or self.distinct or groups > 1):
             raise HarnessError(

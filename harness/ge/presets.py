@@ -13,19 +13,20 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "paper": MappingProxyType({}),
         "best": MappingProxyType(
             {
-                "generations": 200,
+                "generations": 150,
                 "fitness": "auto",
                 "penalty": 0.001,
                 "free_length": 0,
                 "max_init_depth": 30,
-                "tournament": 5,
+                "selection": "lexicase",
+                "distinct": True,
                 "crossover": "subtree",
                 "mutation": "edits",
                 "mutation_probability": 0.6,
                 "walks": "paying",
-                "local_search": 1,
+                "local_search": 5,
                 "local_search_every": 1,
-                "local_search_evaluations": 250,
+                "local_search_evaluations": 100,
             }
         ),
     }

@@ -187,7 +187,7 @@ def _variation(setup: Setup, fitness: ProgramFitness) -> tuple[list[loop.Lesson]
     p, lessons = setup.parameters, []
     editor = Editor(setup.grammar, fitness.domain, p) if p.local_search or p.mutation == EDITS else None
     if editor and p.local_search:
-        lessons.append(loop.Lesson(LocalSearch(editor, fitness, p), p.local_search, p.local_search_every))
+        lessons.append(loop.Lesson(LocalSearch(editor, fitness.alone, p), p.local_search, p.local_search_every))
     if p.refine_every:
         from harness.ge.refinement import Refiner  # here: it brings in all of the tuning
 

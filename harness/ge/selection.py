@@ -32,7 +32,7 @@ class Pool(NamedTuple):
     fitness: NDArray[np.float64]
     """(n,) higher is better, −inf for invalid ones."""
     cases: NDArray[np.float64] | None = None
-    """(n, E) fitness in each of the generation's episodes, whose mean is the fitness."""
+    """(n, E) fitness in each of the generation's episodes."""
     descriptors: NDArray[np.float64] | None = None
     """(n, D) behaviour, every number from 0 to 1."""
     seen: NDArray[np.float64] = np.zeros((0, DESCRIPTORS))
