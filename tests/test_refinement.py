@@ -325,10 +325,10 @@ class TestRuns:
         for stop in (3, 4, 8):
             folder, plain = tmp_path / f"stopped-{stop}", search._row
 
-            def row(setup, fitness, generation, seconds, stop=stop, plain=plain):
+            def row(tested, generation, seconds, stop=stop, plain=plain):
                 if generation.number == stop:
                     raise KeyboardInterrupt
-                return plain(setup, fitness, generation, seconds)
+                return plain(tested, generation, seconds)
 
             monkeypatch.setattr(search, "_row", row)
             with pytest.raises(KeyboardInterrupt):
