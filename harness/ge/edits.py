@@ -169,50 +169,50 @@ def _run(count: int, rng: Rng) -> tuple[int, int]:
     return begin, min(begin + int(rng.geometric(1 - _RUN)), count)
 
 
-Make = Callable[[], _T]
+_Make = Callable[[], _T]
 """What makes something new to be put in: a statement, or a visit."""
 
 
-def _insert(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
+def _insert(items: list[_T], make: _Make[_T], rng: Rng) -> list[_T]:
     at = int(rng.integers(len(items) + 1))
     return [*items[:at], make(), *items[at:]]
 
 
-def _copy(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
+def _copy(items: list[_T], make: _Make[_T], rng: Rng) -> list[_T]:
     (begin, end), at = _run(len(items), rng), int(rng.integers(len(items) + 1))
     return [*items[:at], *items[begin:end], *items[at:]]
 
 
-def _delete(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
+def _delete(items: list[_T], make: _Make[_T], rng: Rng) -> list[_T]:
     begin, end = _run(len(items), rng)
     return [*items[:begin], *items[end:]] if end - begin < len(items) else items
 
 
-def _delete_two(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
+def _delete_two(items: list[_T], make: _Make[_T], rng: Rng) -> list[_T]:
     """Such as two moves that undo each other."""
     gone = rng.choice(len(items), 2, replace=False) if len(items) > 2 else ()
     return [item for i, item in enumerate(items) if i not in gone]
 
 
-def _replace(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
+def _replace(items: list[_T], make: _Make[_T], rng: Rng) -> list[_T]:
     at = int(rng.integers(len(items)))
     return [*items[:at], make(), *items[at + 1 :]]
 
 
-def _swap(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
+def _swap(items: list[_T], make: _Make[_T], rng: Rng) -> list[_T]:
     i, j = (int(k) for k in rng.integers(len(items), size=2))
     items[i], items[j] = items[j], items[i]
     return items
 
 
-def _shift(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
+def _shift(items: list[_T], make: _Make[_T], rng: Rng) -> list[_T]:
     begin, end = _run(len(items), rng)
     rest = [*items[:begin], *items[end:]]
     at = int(rng.integers(len(rest) + 1))
     return [*rest[:at], *items[begin:end], *rest[at:]]
 
 
-def _reverse(items: list[_T], make: Make[_T], rng: Rng) -> list[_T]:
+def _reverse(items: list[_T], make: _Make[_T], rng: Rng) -> list[_T]:
     begin, end = sorted(int(k) for k in rng.integers(len(items) + 1, size=2))
     return [*items[:begin], *items[begin:end][::-1], *items[end:]]
 

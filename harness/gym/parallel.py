@@ -34,7 +34,7 @@ class TeamEnv(ParallelEnv[str, NDArray[np.float32], np.int64]):
     """One episode after the other of a domain with agents, each of which sees its own readings.
 
     Every agent is paid the reward of the team, which is what all of them are to make as high as they can. Episodes,
-    seeds and horizon are those of :class:`harness.gym.PomdpEnv`; so are the returns those of
+    seeds and horizon are those of :class:`harness.gym.single.PomdpEnv`; so are the returns those of
     ``harness.evaluate(domain, TeamPolicy(…), seed=s)``. ``info`` holds ``episode_number``.
     """
 

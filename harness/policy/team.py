@@ -129,7 +129,7 @@ class ProgramTeam(TeamPolicy):
 
     @property
     def at(self) -> NDArray[np.int64]:
-        """(E, n) instruction of :attr:`program` that each agent's last operation is; −1 for one that has ended."""
+        """(E, n) instruction of the program that each agent's last operation is; −1 for one that has ended."""
         first = np.cumsum([0, *(len(part.code) for part in self.program.parts)])
         own = [np.where(each.at < 0, -1, each.at + i) for each, i in zip(self._members, first, strict=False)]  # type: ignore[attr-defined]
         return np.stack(own, axis=1)
