@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +50,11 @@ class Judged(NamedTuple):
     """(P, 3) different visible values seen, readings made and steps taken in an episode, each as a share of the most
     that there can be; None where not all have been played."""
 
+    def only(self, programs: list[int]) -> Judged:
+        """What is known of some of them; it has been paid for."""
+        returns = [self.returns[i] for i in programs]
+        return Judged(self.means[programs], returns, self.behaviours, 0)
+
     @property
     def sems(self) -> list[float]:
         """Standard errors of the means."""
@@ -83,10 +88,13 @@ class ProgramFitness:
         compiled = [self._compiled(text) for text in phenotypes]
         programs = [program for program in compiled if program is not None]
         self._known = {text: program for text, program in zip(phenotypes, compiled, strict=True) if program is not None}
-        judged = self.judge(programs, generation * p.episodes, p.episodes)
+        first = generation * p.episodes
         if also_played:
-            played = self._judged(self.play(programs, generation * p.episodes, p.episodes))
-            judged = played._replace(means=judged.means, cost=judged.cost + played.cost)
+            played = self._judged(self.play(programs, first, p.episodes))
+            exactly = self._exactly(programs, played.only)
+            judged = played._replace(means=exactly.means, cost=exactly.cost + played.cost)
+        else:
+            judged = self.judge(programs, first, p.episodes)
         if self.hall:
             self.hall.see(generation, programs, judged.means)
         known = np.array([program is not None for program in compiled], dtype=np.bool_)
@@ -116,10 +124,11 @@ class ProgramFitness:
         """The programs' returns as the run's ``fitness`` has them: exact, or on episodes of the search."""
         if self.parameters.fitness == SAMPLED:
             return self._judged(self.play(programs, first, count))
-        return self._exactly(programs, first, count)
+        return self._exactly(programs, lambda wide: self._judged(self.play([programs[i] for i in wide], first, count)))
 
-    def _exactly(self, programs: Sequence[Program], first: int, count: int) -> Judged:
-        """Exact returns; with too many situations, what episodes say (``auto``), or the least that is sure."""
+    def _exactly(self, programs: Sequence[Program], sampled: Callable[[list[int]], Judged]) -> Judged:
+        """Exact returns; with too many situations, what episodes say (``auto``: ``sampled``, of the programs with these
+        indices), or the least that is sure."""
         auto, horizon = self.parameters.fitness == AUTO, self.parameters.horizon
         room = _AUTO * self.parameters.episodes if auto else ROOM
         found = expected(self.domain, programs, horizon, room, self.workers, self.discount)
@@ -127,7 +136,7 @@ class ProgramFitness:
         returns = [means[i : i + 1] for i in range(len(means))]
         wide = np.flatnonzero(np.isnan(means)).tolist()
         if auto and len(wide):
-            played = self._judged(self.play([programs[i] for i in wide], first, count))
+            played = sampled(wide)
             means[wide], cost = played.means, cost + played.cost
             for i, row in zip(wide, played.returns, strict=True):
                 returns[i] = row
