@@ -19,8 +19,8 @@ from harness.policy.alpha import AlphaVectorPolicy
 def first_goal(name: str) -> harness.Domain:
     """The named domain, one hidden factor of S values, with its goals as ends."""
     domain = harness.load(name)
-    t, S, A, O = domain.arrays, domain.n_joint, domain.n_actions, domain.n_observations  # noqa: E741
-    T, R, Z = np.zeros((A, S, S)), np.zeros((A, S, S)), np.zeros((A, S, O))
+    t, S, A = domain.arrays, domain.n_joint, domain.n_actions
+    T, R, Z = np.zeros((A, S, S)), np.zeros((A, S, S)), np.zeros((A, S, domain.n_observations))
     Z[..., 0] = 1.0  # of what is never entered
     for a in range(A):
         for s in range(S):

@@ -12,7 +12,7 @@ from harness.errors import PolicyError
 from harness.expectation.situations import Layer, reading_of, visible_of
 from harness.model.domain import Domain
 from harness.policy import Policy
-from harness.policy.base import checked, fresh, from_words, to_words
+from harness.policy.base import checked, fresh, memory_words, recall, to_words
 
 
 class NotExact(PolicyError):
@@ -63,16 +63,13 @@ class Actor:
             NotExact: it draws random numbers.
             PolicyError: its actions are none.
         """
-        column = 0
-        for name, like in zip(self._names, self._like, strict=True):
-            width = like[0].size
-            setattr(self._policy, name, from_words(key[:, column : column + width], like))
-            column += width
+        policy = self._policy
+        column = recall([(policy, *each) for each in zip(self._names, self._like, strict=True)], key)
         batch = self._batch(key, step)
-        actions = checked(self._policy.act(batch), batch)
+        actions = checked(policy.act(batch), batch)
         watched = self._watched(batch)
         if self._names:
-            key[:, :column] = np.hstack([to_words(getattr(self._policy, name)) for name in self._names])
+            key[:, :column] = memory_words((policy, name) for name in self._names)
         return actions, watched
 
     def _watched(self, batch: Batch) -> NDArray[np.bool_]:

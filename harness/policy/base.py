@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import threading
 import warnings
+from collections.abc import Iterable
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -161,6 +162,21 @@ def from_words(words: NDArray[np.int64], like: NDArray[Any]) -> NDArray[Any]:
     words = np.ascontiguousarray(words)
     flat = words.view(np.float64) if like.dtype.kind == "f" else words
     return flat.astype(like.dtype).reshape(len(words), *like.shape[1:])
+
+
+def memory_words(memory: Iterable[tuple[Any, str]]) -> NDArray[np.int64]:
+    """(E, words) what ``(policy, attribute)`` after the other remember, side by side."""
+    return np.hstack([to_words(getattr(policy, name)) for policy, name in memory])
+
+
+def recall(memory: Iterable[tuple[Any, str, NDArray[Any]]], words: NDArray[np.int64]) -> int:
+    """Inverse of :func:`memory_words`, for ``(policy, attribute, an array like it)``; how many columns it took."""
+    column = 0
+    for policy, name, like in memory:
+        width = like[0].size
+        setattr(policy, name, from_words(words[:, column : column + width], like))
+        column += width
+    return column
 
 
 def constant(size: int, action: int) -> NDArray[np.int32]:

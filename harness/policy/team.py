@@ -15,7 +15,7 @@ from harness.errors import PolicyError
 from harness.model.agents import action_strides, local_view, own_observations
 from harness.model.domain import Domain
 from harness.model.tables import STOP
-from harness.policy.base import Policy, checked, copied, from_words, to_words
+from harness.policy.base import Policy, checked, copied, memory_words, recall
 from harness.policy.fsc import FileController, of_record
 from harness.policy.program import ProgramPolicy, require_model
 from harness.program import Program
@@ -104,16 +104,11 @@ class TeamPolicy:
     @property
     def remembered(self) -> NDArray[np.int64]:
         """(E, …) the memory of all members, side by side, in words of 64 bits."""
-        return np.hstack([to_words(getattr(member, name)) for member, name in self._memories()])
+        return memory_words(self._memories())
 
     @remembered.setter
     def remembered(self, words: NDArray[np.int64]) -> None:
-        column = 0
-        for member, name in self._memories():
-            like = getattr(member, name)
-            width = like[0].size
-            setattr(member, name, from_words(words[:, column : column + width], like))
-            column += width
+        recall([(member, name, getattr(member, name)) for member, name in self._memories()], words)
 
     def _memories(self) -> list[tuple[Any, str]]:
         return [(member, name) for member in self._members for name in getattr(member, "memory", ())]
@@ -130,9 +125,9 @@ class ProgramTeam(TeamPolicy):
     @property
     def at(self) -> NDArray[np.int64]:
         """(E, n) instruction of the program that each agent's last operation is; −1 for one that has ended."""
-        first = np.cumsum([0, *(len(part.code) for part in self.program.parts)])
-        own = [np.where(each.at < 0, -1, each.at + i) for each, i in zip(self._members, first, strict=False)]  # type: ignore[attr-defined]
-        return np.stack(own, axis=1)
+        lengths = np.array([len(part.code) for part in self.program.parts])
+        own = np.stack([each.at for each in self._members if isinstance(each, ProgramPolicy)], axis=1)
+        return np.where(own < 0, -1, own + np.cumsum(lengths) - lengths)
 
 
 def policy_of(program: Program) -> ProgramPolicy | ProgramTeam:
